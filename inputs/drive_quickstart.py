@@ -11,38 +11,39 @@ from pathlib import Path
 import bayesindent as bi
 
 HERE = Path(__file__).parent
-FILM = {
-    "geometry": "film",
-    "thickness_um": 1.0,
+GRAIN = {
+    "geometry": "grain",
+    "grain_radius_um": 2.5,
     "estimator": "curve",
-    "substrate_young_gpa": 163,
-    "substrate_nu": 0.223,
+    "matrix": "isotropic",
+    "matrix_young_gpa": 411,
+    "matrix_nu": 0.28,
 }
-GRAINS = HERE / "data" / "copper_film.csv"
+GRAINS = HERE / "data" / "copper_grains.csv"
 KNOWN = {"bulk_modulus": (137, 3)}  # mean and sd, GPa
 
 
 def simulator(**settings):
     """A function that simulates one indentation. Yours may do so in any way."""
-    film = bi.Indentation(**FILM, **settings)
+    grain = bi.Indentation(**GRAIN, **settings)
 
     def simulate(stiffness, euler_deg) -> float:
         """The indentation modulus in GPa of a crystal of this stiffness (6, 6), GPa, crystal axes,
         at these Bunge-Euler angles, degrees.
         """
-        return film.run(stiffness, euler_deg).indentation_modulus_gpa
+        return grain.run(stiffness, euler_deg).indentation_modulus_gpa
 
     return simulate
 
 
 def main(output="runs/drive_quickstart", simulate=None, budget=25, samples=10000):
     """Both steps, the next grain and the report of Step 1; returns what was found."""
-    # Step 1: simulations of the film, the first for crystals of every kind, the others where the
+    # Step 1: simulations of the grain, the first for crystals of every kind, the others where the
     # measurements say that the crystal is. Call it again, and it continues.
     problem = bi.Problem.from_keywords(
         "drive_quickstart.py",
         problem={"symmetry": "cubic", "seed": 1},
-        specimen=FILM,
+        specimen=GRAIN,
         simulation={"simulator": "import"},
         design={"budget": budget},
         measurements={"file": str(GRAINS), "modulus_kind": "indentation_modulus"},

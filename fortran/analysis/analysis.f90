@@ -25,12 +25,11 @@ module analysis
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
-   use surrogate_model, only: load_named_surrogate, new_theory_surrogate, places_type, &
-      & predict_crystals, surrogate_type
+   use surrogate_model, only: new_theory_surrogate, predict_crystals, surrogate_type
    use variance_shares, only: find_shares, shares_type, verdict_of
    implicit none
    private
-   public :: analysis_type, load_analysis, unmixed
+   public :: analysis_type, unmixed
 
    !> Above this R-hat the chains are not draws of one distribution.
    real(wp), parameter :: unmixed = 1.05_wp
@@ -86,23 +85,6 @@ module analysis
    end type analysis_type
 
 contains
-
-   !> Begin the analysis of a problem with the surrogate that &surrogate names, for crystals of the
-   !> problem's class.
-   subroutine load_analysis(problem, places, self, error)
-      type(problem_type), intent(in), target :: problem
-      type(places_type), intent(in) :: places
-      type(analysis_type), intent(out) :: self
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: class
-
-      self%problem => problem
-      class = ''
-      if (allocated(problem%class%name)) class = problem%class%name
-      call load_named_surrogate(problem%settings%surrogate%file, class, places, &
-         & self%surrogate, error)
-      call problem%locate('surrogate', 'file', error)
-   end subroutine load_analysis
 
    !> Set up the posterior.
    subroutine prepare(self, error)

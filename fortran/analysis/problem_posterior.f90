@@ -5,6 +5,7 @@ module problem_posterior
    use constants_prior, only: knowledge_type, new_prior, prior_type
    use errors, only: error_type, exit_bad_input, prefix_error, refuse
    use files, only: printable
+   use film_theory, only: film_name, young_of_film
    use halfspace_theory, only: halfspace_moduli
    use kinds, only: degree, wp
    use measured_grains, only: mean_modulus, measured_type, reference_rows_type, &
@@ -304,14 +305,18 @@ contains
       type(prior_type) :: prior
       type(knowledge_type) :: knowledge
       type(observable_type) :: observable
+      real(wp) :: young
 
       call read_knowledge(problem, knowledge, error)
       if (allocated(error)) return
       call new_observable(model%modulus_kind, model, observable, error)
       if (allocated(error)) return
-      call new_prior(surrogate%basis%domain, problem%class, problem%settings%prior, &
-         & (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured), knowledge, &
-         & prior, error)
+      young = (1.0_wp - typical_poisson**2)*mean_modulus(observable, measured)
+      if (problem%settings%specimen%geometry == film_name) then
+         young = young_of_film(problem, mean_modulus(observable, measured), typical_poisson)
+      end if
+      call new_prior(surrogate%basis%domain%support(), problem%class, problem%settings%prior, &
+         & young, knowledge, prior, error)
       call problem%locate('prior', '', error)
       if (allocated(error)) return
       call new_posterior(surrogate, prior, model, &

@@ -212,6 +212,13 @@ contains
          case ('sampler')
             ! Results do not depend on its last variable, which says what is written.
             content = content(:index(content, newline//'  draws ='))
+         case ('surrogate')
+            ! The correction of a film follows from these.
+            if (problem%settings%specimen%geometry == 'film') then
+               content = content//inputs_of(problem, 'specimen simulation', places)
+            end if
+         case ('specimen')
+            if (allocated(problem%layers)) content = content//problem%layers%table%digest()
          case ('crystals')
             call add_table(problem%crystals)
          case ('curves')

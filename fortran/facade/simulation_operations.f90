@@ -14,6 +14,7 @@ module simulation_operations
    use fe_element, only: brick_stress, infinite_stiffness
    use fe_indentation, only: indentation_model_type, indentation_result_type, &
       & new_indentation_model, new_wider_model, simulate_indentation
+   use film_theory, only: film_type, indent_films
    use kinds, only: degree, wp
    use named_values, only: named_values_type
    use point_tables, only: points_type
@@ -246,7 +247,8 @@ contains
       class(stage_type), allocatable :: new
       class(stage_type), pointer :: stage
       class(basis_type), allocatable :: basis
-      real(wp), pointer :: c(:, :, :)
+      type(film_type), allocatable :: films(:)
+      real(wp), pointer :: c(:, :, :), euler_deg(:, :)
 
       select case (verb)
       case ('describe')
@@ -303,6 +305,13 @@ contains
          call x%give(simulator, 'simulator')
          call new_simulator(self%settings, simulator, x%error)
          call self%locate('simulation', '', x%error)
+      case ('film')
+         !> stiffness, euler_deg, problem, threads -> values
+         ! Exact moduli of films, GPa.
+         c => x%crystals(euler_deg)
+         allocate (films(size(c, 3)))
+         call indent_films(self, c, euler_deg, x%threads(), films, x%error)
+         x%values = reshape(films%modulus, [size(films), 1])
       case ('basis')
          !> -> handle
          call basis_of_problem(self, basis, x%error)

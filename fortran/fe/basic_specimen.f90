@@ -5,8 +5,7 @@
 !> The mesh generator executes the plan: a box of bricks under the indenter, and stages of layers
 !> around it, from the inside out.
 module basic_specimen
-   use crystal_elasticity, only: averages_type, isotropic_stiffness, log_anisotropy, &
-      & polycrystal_averages
+   use crystal_elasticity, only: isotropic_stiffness, log_anisotropy
    use errors, only: error_type, refuse
    use kinds, only: wp
    use settings_schema, only: settings_type
@@ -15,25 +14,18 @@ module basic_specimen
    private
    public :: specimen_type, halfspace_name, require, mesh_plan_type, mesh_stage_type, check_plan
    public :: core_of_contact, fineness, layers_of_ratio, graded_layers, surface_facets
-   public :: growing, to_ball, to_cylinder, closed_by_infinite, clamped_bottom, clamped_around
+   public :: growing, to_ball, to_cylinder
 
    character(len=*), parameter :: halfspace_name = 'halfspace'
 
    !> Shape of the surface at the end of a stage: `ratio` times as large, a hemisphere, or a
    !> cylinder.
    integer, parameter :: growing = 1, to_ball = 2, to_cylinder = 3
-   !> What surrounds the last layer: infinite elements; a clamped bottom with free sides; or a
-   !> clamped bottom with clamped sides.
-   integer, parameter :: closed_by_infinite = 1, clamped_bottom = 2, clamped_around = 3
 
-   !> A stage of layers around the current surface. Points above the depth `plane` keep their depth
-   !> and their material while the stage grows sideways.
+   !> A stage of layers around the current surface.
    type :: mesh_stage_type
-      !> Whether the surface is coarsened 2:1 first. Then `floor_levels` levels of bricks are added
-      !> under its bottom; they are as wide as the bottom and together `floor_depth` deep (um).
+      !> Whether the surface is coarsened 2:1 first.
       logical :: coarsen = .false.
-      integer :: floor_levels = 0
-      real(wp) :: floor_depth = 0.0_wp
       !> Number of layers, and ratio of the thicknesses of successive layers (> 1).
       integer :: layers = 0
       real(wp) :: growth = 0.0_wp
@@ -41,8 +33,6 @@ module basic_specimen
       !> Growth of the surface over the whole stage; radius of the ball or cylinder and depth of the
       !> cylinder, um.
       real(wp) :: ratio = 1.0_wp, radius = 0.0_wp, depth = 0.0_wp
-      !> Depth of the plane, um; the number of the material below it.
-      real(wp) :: plane = 0.0_wp
       integer :: material = 1
    end type mesh_stage_type
 
@@ -52,12 +42,10 @@ module basic_specimen
       !> Half-width and depth of the box, um; its half-width relative to that of the default box.
       real(wp) :: half_width = 0.0_wp, depth = 0.0_wp, widening = 1.0_wp
       type(mesh_stage_type), allocatable :: stages(:)
-      integer :: closing = closed_by_infinite
-      !> Where the bottom of the surface reaches this depth (um) it is clamped, and further layers
-      !> grow sideways only. 0: no such depth.
-      real(wp) :: clamped_depth = 0.0_wp
-      !> Materials of the infinite elements below the last stage's plane, and above it.
-      integer :: far_material(2) = 1
+      !> Whether a clamped bottom and free sides end the mesh, in place of infinite elements.
+      logical :: is_clamped = .false.
+      !> Material of the infinite elements.
+      integer :: far_material = 1
    end type mesh_plan_type
 
    !> Elements per contact radius at refine = 1, for all specimens but the block.
@@ -71,9 +59,9 @@ module basic_specimen
       & studied_fineness = 9.5_wp
    !> Exponents of the log-anisotropy and of the fineness in the error.
    real(wp), parameter :: power_of_anisotropy = 3.5_wp, order = 2.0_wp
-   !> Factors by which extrapolation lowers the largest error. It divides the mean error by about
-   !> five, but the largest by less than two; the error of unlike materials falls by more.
-   real(wp), parameter :: extrapolated = 0.7_wp, extrapolated_contrast = 0.45_wp
+   !> Factor by which extrapolation lowers the largest error. It divides the mean error by about
+   !> five, but the largest by less than two.
+   real(wp), parameter :: extrapolated = 0.7_wp
    !> A modulus is extrapolated from this relative error on, unless the settings say otherwise.
    real(wp), parameter :: limit_of_one_mesh = 0.005_wp
 
@@ -96,10 +84,6 @@ module basic_specimen
       !> Young's modulus (GPa) and Poisson's ratio of the other material, which the user states; 0
       !> if none is stated.
       real(wp) :: young = 0.0_wp, poisson = 0.0_wp
-      !> Approximate relative error of the mesh at refine = 1 that the material next to the crystal
-      !> causes: for two similar materials, and for each unit of the logarithm of the ratio of
-      !> Young's moduli if the crystal is stiffer.
-      real(wp) :: contrast(2) = 0.0_wp
       !> Elements per contact radius of the coarser mesh of an extrapolation, relative to the finer
       !> one.
       real(wp) :: coarse_ratio = 2.0_wp/3.0_wp
@@ -144,11 +128,11 @@ contains
    end function layers_of_ratio
 
    !> Layers from one half-width to another (um); layers farther from the contact grow faster.
-   pure function graded_layers(from, to, contact_radius, refine, plane, material) result(stages)
+   pure function graded_layers(from, to, contact_radius, refine, material) result(stages)
       !> Half-widths at both ends and contact radius, um; `refine`: number of layers relative to the
-      !> default; `plane`: depth of the plane of the stages, um.
-      real(wp), intent(in) :: from, to, contact_radius, refine, plane
-      !> Material below the plane.
+      !> default.
+      real(wp), intent(in) :: from, to, contact_radius, refine
+      !> Its number.
       integer, intent(in) :: material
       type(mesh_stage_type), allocatable :: stages(:)
       !> Growth at refine = 1, and the distance up to which it holds (contact radii).
@@ -166,7 +150,6 @@ contains
          if (to < 1.1_wp*goal) goal = to
          if (goal < 1.05_wp*width) cycle
          stage = layers_of_ratio(goal/width, growth(i), refine)
-         stage%plane = plane
          stage%material = material
          stages = [stages, stage]
          width = goal
@@ -224,8 +207,7 @@ contains
                nx = nx/2
                nz = nz/2
             end if
-            nz = nz + stage%floor_levels
-            bricks = bricks + stage%floor_levels*nx**2 + stage%layers*surface_facets(nx, nz)
+            bricks = bricks + stage%layers*surface_facets(nx, nz)
          end associate
       end do
       if (bricks > most_bricks) then
@@ -266,30 +248,20 @@ contains
    !> Near elastic instability bricks resolve neither the soft modes nor the far field. The
    !> constants are measured on the half-space against the exact theory
    !> (docs/verification/simulation.md, `bench simulate soft`): beyond a log-anisotropy of 1.5 the
-   !> largest error grows with its power 3.5, and falls with the square of the fineness. A film that
-   !> is stiffer than its substrate is resolved less well (`bench simulate pairs`).
+   !> largest error grows with its power 3.5, and falls with the square of the fineness.
    pure real(wp) function mesh_error(self, refine, stiffness, two_meshes)
       class(specimen_type), intent(in) :: self
       !> Elements per contact radius relative to the default; GPa.
       real(wp), intent(in) :: refine, stiffness(6, 6)
       !> Whether the modulus is extrapolated from two meshes.
       logical, intent(in) :: two_meshes
-      real(wp) :: fineness, instability, contrast
-      type(averages_type) :: averages
+      real(wp) :: fineness, instability
 
       instability = merge(worst_incompatible, worst_plain, self%element == 'c3d8i')
       instability = instability*log_anisotropy(stiffness)**power_of_anisotropy
-      contrast = self%contrast(1)
-      if (self%young > 0.0_wp) then
-         averages = polycrystal_averages(stiffness)
-         contrast = contrast + self%contrast(2)*max(0.0_wp, log(averages%young/self%young))
-      end if
-      if (two_meshes) then
-         instability = extrapolated*instability
-         contrast = extrapolated_contrast*contrast
-      end if
+      if (two_meshes) instability = extrapolated*instability
       fineness = refine*self%contact_radius/self%element_size
-      mesh_error = max(instability, contrast)*(studied_fineness/fineness)**order
+      mesh_error = instability*(studied_fineness/fineness)**order
    end function mesh_error
 
    !> Whether the error of one mesh may be too large for a crystal; contact stiffnesses always need

@@ -4,17 +4,15 @@
 !> bricks around the present surface (without its top). The nodes of the surface move on straight
 !> lines to their places at the end of the stage, on a surface of the same shape, a hemisphere or a
 !> cylinder. If the shape stays the same, bricks repeat from layer to layer up to scale, and so do
-!> their stiffnesses. An interface that is a hemisphere or a cylinder is the end of a stage. A plane
-!> interface is reached by the bottom of a stage. Bricks are then added under that bottom, and
-!> layers continue around both; above the plane they grow sideways only. Before a stage the surface
-!> may be coarsened 2:1; a node that then hangs takes the mean of its neighbours. Either a layer of
-!> infinite elements, swept along rays from the origin, or clamped nodes surround the whole.
+!> their stiffnesses. An interface is the end of a stage. Before a stage the surface may be
+!> coarsened 2:1; a node that then hangs takes the mean of its neighbours. A layer of infinite
+!> elements, swept along rays from the origin, surrounds the whole, or its bottom is clamped.
 module fe_mesh
    use errors, only: error_type
    use kinds, only: wp
    use machine, only: check_memory
-   use basic_specimen, only: check_plan, clamped_around, closed_by_infinite, growing, &
-      & mesh_plan_type, mesh_stage_type, surface_facets, to_ball, to_cylinder
+   use basic_specimen, only: check_plan, growing, mesh_plan_type, mesh_stage_type, &
+      & surface_facets, to_ball, to_cylinder
    use text, only: to_text
    implicit none
    private
@@ -68,7 +66,7 @@ contains
       type(mesh_type), intent(out) :: mesh
       type(error_type), allocatable, intent(out) :: error
       type(builder_type) :: self
-      integer :: nodes, bricks, nx, i
+      integer :: nodes, bricks, i
 
       call check_plan(plan, bricks, error)
       if (allocated(error)) return
@@ -84,13 +82,6 @@ contains
       call fill_box(plan, self)
       do i = 1, size(plan%stages)
          if (plan%stages(i)%coarsen) call coarsen(self)
-         if (plan%stages(i)%floor_levels > 0) call add_floor(plan%stages(i), self)
-         ! If the bottom of the surface is clamped, no layers continue below it.
-         nx = ubound(self%node_at, 1)
-         if (plan%clamped_depth > 0.0_wp &
-            & .and. self%x(3, self%node_at(0, 0, 0)) <= -plan%clamped_depth*(1.0_wp - equal)) then
-            self%node_at(1:nx - 1, 1:nx - 1, 0) = 0
-         end if
          call add_layers(plan%stages(i), self)
       end do
       self%x = self%x(:, :self%nodes)
@@ -110,74 +101,47 @@ contains
    subroutine fill_box(plan, self)
       type(mesh_plan_type), intent(in) :: plan
       type(builder_type), intent(inout) :: self
+      integer, parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, &
+         & 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
       integer, allocatable :: top(:)
-      integer :: n, i, j
+      integer :: n, levels, i, j, k
 
       n = plan%half_cells
-      allocate (self%node_at(0:2*n, 0:2*n, 0:0))
-      ! The nodes of the levels below come first.
-      self%nodes = plan%depth_cells*(2*n + 1)**2
-      do j = -n, n
-         do i = -n, n
-            self%nodes = self%nodes + 1
-            self%node_at(i + n, j + n, 0) = self%nodes
-            self%x(:, self%nodes) = [(real(i, wp)/n)*plan%half_width, &
-               & (real(j, wp)/n)*plan%half_width, 0.0_wp]
+      levels = plan%depth_cells
+      allocate (self%node_at(0:2*n, 0:2*n, 0:levels))
+      do k = 0, levels
+         do j = 0, 2*n
+            do i = 0, 2*n
+               self%nodes = self%nodes + 1
+               self%node_at(i, j, k) = self%nodes
+               self%x(:, self%nodes) = [(real(i - n, wp)/n)*plan%half_width, &
+                  & (real(j - n, wp)/n)*plan%half_width, plan%depth*(k - levels)/levels]
+            end do
          end do
       end do
+      do k = 0, levels - 1
+         do j = 0, 2*n - 1
+            do i = 0, 2*n - 1
+               self%bricks = self%bricks + 1
+               self%brick(:, self%bricks) &
+                  & = nodes_of(self%node_at, spread([i, j, k], 2, 8) + corner)
+            end do
+         end do
+      end do
+      self%classes = 1
+      self%representative(1) = 1
+      self%class(:self%bricks) = 1
+      self%material(:self%bricks) = 1
       self%element_size = plan%half_width/n
       self%contact_limit = plan%half_width
       ! A hanging node has no displacement of its own, so it cannot be in contact.
       if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) then
          self%contact_limit = plan%half_width - self%element_size
       end if
-      top = reshape(self%node_at, [size(self%node_at)])
+      top = reshape(self%node_at(:, :, levels), [(2*n + 1)**2])
       self%contact = pack(top, norm2(self%x(:2, top), dim=1) <= self%contact_limit*(1.0_wp + equal))
-      self%nodes = 0
-      call add_floor(mesh_stage_type(floor_levels=plan%depth_cells, floor_depth=plan%depth), self)
-      self%nodes = maxval(top)
+      self%node_at(1:2*n - 1, 1:2*n - 1, 1:levels) = 0
    end subroutine fill_box
-
-   !> Add levels of equal bricks under the bottom of the surface, which is flat and uniform.
-   subroutine add_floor(stage, self)
-      type(mesh_stage_type), intent(in) :: stage
-      type(builder_type), intent(inout) :: self
-      integer, parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, &
-         & 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
-      integer, allocatable :: node_at(:, :, :)
-      integer :: nx, levels, first, i, j, k
-
-      nx = ubound(self%node_at, 1)
-      levels = stage%floor_levels*self%step
-      allocate (node_at(0:nx, 0:nx, 0:ubound(self%node_at, 3) + levels), source=0)
-      node_at(:, :, levels:) = self%node_at
-      do k = 0, stage%floor_levels - 1
-         do j = 0, nx, self%step
-            do i = 0, nx, self%step
-               self%nodes = self%nodes + 1
-               node_at(i, j, k*self%step) = self%nodes
-               self%x(:, self%nodes) = self%x(:, node_at(i, j, levels)) - [0.0_wp, 0.0_wp, &
-                  & stage%floor_depth*(stage%floor_levels - k)/stage%floor_levels]
-            end do
-         end do
-      end do
-      first = self%bricks + 1
-      do k = 0, levels - self%step, self%step
-         do j = 0, nx - self%step, self%step
-            do i = 0, nx - self%step, self%step
-               self%bricks = self%bricks + 1
-               self%brick(:, self%bricks) = &
-                  & nodes_of(node_at, spread([i, j, k], 2, 8) + self%step*corner)
-            end do
-         end do
-      end do
-      self%classes = self%classes + 1
-      self%representative(self%classes) = first
-      self%class(first:self%bricks) = self%classes
-      self%material(first:self%bricks) = stage%material
-      node_at(1:nx - 1, 1:nx - 1, 1:levels) = 0
-      call move_alloc(node_at, self%node_at)
-   end subroutine add_floor
 
    !> Add the layers of a stage around the current surface.
    subroutine add_layers(stage, self)
@@ -187,7 +151,6 @@ contains
       real(wp), allocatable :: start(:, :), finish(:, :)
       real(wp) :: share
       integer :: layer, facets, points, f, p
-      logical :: above
 
       if (stage%layers == 0) return
       call surface_quads(self, quad)
@@ -207,10 +170,9 @@ contains
          do f = 1, facets
             associate (brick => self%bricks + f)
                self%brick(5:8, brick) = nodes_of(self%node_at, quad(:, :, f))
-               above = is_above(stage, self, self%brick(:, brick))
-               self%material(brick) = merge(1, stage%material, above)
+               self%material(brick) = stage%material
                self%growth(brick) = stage%growth
-               if (layer == 1 .or. above .or. stage%shape /= growing) then
+               if (layer == 1 .or. stage%shape /= growing) then
                   self%classes = self%classes + 1
                   self%representative(self%classes) = brick
                   first_class(f) = self%classes
@@ -223,15 +185,6 @@ contains
          self%bricks = self%bricks + facets
       end do
    end subroutine add_layers
-
-   !> Whether nodes lie above the plane of a stage that has a plane.
-   pure logical function is_above(stage, self, node)
-      type(mesh_stage_type), intent(in) :: stage
-      type(builder_type), intent(in) :: self
-      integer, intent(in) :: node(:)
-
-      is_above = stage%plane > 0.0_wp .and. all(self%x(3, node) >= -stage%plane*(1.0_wp + equal))
-   end function is_above
 
    !> Positions of the points of a surface at the end of a stage, um.
    pure function stage_end(stage, start) result(finish)
@@ -254,41 +207,31 @@ contains
             if (square > 0.0_wp) finish(:2, p) = finish(:2, p)*(square/norm2(start(:2, p)))
             finish(3, p) = start(3, p)*(stage%depth/depth)
          case default
-            finish(:2, p) = stage%ratio*start(:2, p)
-            finish(3, p) = start(3, p)
-            if (start(3, p) < -stage%plane*(1.0_wp + equal)) then
-               finish(3, p) = stage%ratio*(start(3, p) + stage%plane) - stage%plane
-            end if
+            finish(:, p) = stage%ratio*start(:, p)
          end select
       end do
    end function stage_end
 
-   !> Close the mesh by infinite elements, or by clamped nodes at the bottom and perhaps at the
-   !> sides.
+   !> Close the mesh by infinite elements, or by clamped nodes at the bottom.
    subroutine close_mesh(plan, self)
       type(mesh_plan_type), intent(in) :: plan
       type(builder_type), intent(inout) :: self
       integer, allocatable :: quad(:, :, :)
-      logical :: clamped(size(self%x, 2))
       integer :: f, i
 
       allocate (quad(3, 4, 0))
-      if (plan%closing == closed_by_infinite) call surface_quads(self, quad)
-      allocate (self%facet(4, size(quad, 3)), self%facet_material(size(quad, 3)))
+      self%clamped = [integer ::]
+      if (plan%is_clamped) then
+         self%clamped = pack([(i, i=1, size(self%x, 2))], &
+            & self%x(3, :) <= minval(self%x(3, :))*(1.0_wp - equal))
+      else
+         call surface_quads(self, quad)
+      end if
+      allocate (self%facet(4, size(quad, 3)))
       do f = 1, size(quad, 3)
          self%facet(:, f) = nodes_of(self%node_at, quad(:, :, f))
-         self%facet_material(f) = plan%far_material(merge(2, 1, &
-            & is_above(plan%stages(size(plan%stages)), self, self%facet(:, f))))
       end do
-      clamped = .false.
-      if (plan%closing /= closed_by_infinite) then
-         clamped = self%x(3, :) <= minval(self%x(3, :))*(1.0_wp - equal)
-      end if
-      if (plan%closing == clamped_around) then
-         clamped = clamped &
-            & .or. maxval(abs(self%x(:2, :)), dim=1) >= maxval(self%x(1, :))*(1.0_wp - equal)
-      end if
-      self%clamped = pack([(i, i=1, size(clamped))], clamped)
+      self%facet_material = spread(plan%far_material, 1, size(quad, 3))
    end subroutine close_mesh
 
    !> Nodes at lattice points (3, points).

@@ -4,9 +4,9 @@
 !> A new specimen needs a type that extends `specimen_type`, a name here, and lines in
 !> `new_indentation`.
 module specimens
-   use basic_specimen, only: clamped_around, clamped_bottom, halfspace_name, mesh_plan_type, &
-      & mesh_stage_type, require, specimen_type, to_ball, to_cylinder
-   use basic_specimen, only: core_of_contact, fineness, graded_layers, layers_of_ratio
+   use basic_specimen, only: core_of_contact, fineness, graded_layers, halfspace_name, &
+      & layers_of_ratio, mesh_plan_type, mesh_stage_type, require, specimen_type, to_ball, &
+      & to_cylinder
    use crystal_elasticity, only: averages_type, isotropic_stiffness, polycrystal_averages
    use errors, only: error_type, locate_error, refuse
    use indenters, only: indenter_type, new_indenter
@@ -15,11 +15,11 @@ module specimens
    use text, only: to_text
    implicit none
    private
-   public :: film_name, geometry_names, new_indentation
+   public :: geometry_names, new_indentation
 
-   character(len=*), parameter :: block_name = 'block', film_name = 'film', grain_name = 'grain'
+   character(len=*), parameter :: block_name = 'block', grain_name = 'grain'
    character(len=*), parameter :: geometry_names = halfspace_name//', '//block_name//', ' &
-      & //film_name//', '//grain_name
+      & //grain_name
 
    !> A block with a clamped bottom and free sides; by default that of the paper, 9.6 x 9.6 x 4.8
    !> um.
@@ -41,31 +41,6 @@ module specimens
    real(wp), parameter :: least_width = 4.0_wp, lowest = 0.25_wp, highest = 4.0_wp, &
       & least_ratio = 1.2_wp
 
-   !> A film on a substrate: bricks of the film down to the interface, layers around them in film
-   !> and substrate, infinite elements of the substrate.
-   !>
-   !> A thin film ends inside the box under the indenter; a thick film ends where layers around the
-   !> box reach the interface. A box of bricks of the substrate begins below, and the further layers
-   !> grow about the point of the interface under the contact; within the film they grow sideways
-   !> only. A rigid substrate is a clamped bottom; then the sides are clamped at a distance of some
-   !> thicknesses, where the displacements vanish.
-   !>
-   !> A substrate without a stated stiffness is rigid.
-   type, extends(specimen_type) :: film_specimen_type
-      !> um.
-      real(wp) :: thickness = 0.0_wp
-   contains
-      procedure :: set_up => film_set_up, check_sizes => film_check_sizes, plan => film_plan, &
-         & materials => film_materials
-   end type film_specimen_type
-
-   !> A film up to this thickness, in contact radii, ends inside the box, on both meshes of an
-   !> extrapolation.
-   real(wp), parameter :: thick = 1.3_wp
-   !> Depth of the substrate's box over half its width, and height over width of its bricks under a
-   !> thin film.
-   real(wp), parameter :: floor_proportion = 0.7_wp, flat = 1.5_wp
-
    !> A grain among isotropic neighbours: bricks of the grain up to its boundary, a hemisphere or a
    !> cylinder, surrounded by layers and infinite elements of the matrix.
    !>
@@ -84,9 +59,8 @@ module specimens
    !> From this half-width on, relative to the radius, layers of this growth turn into the shape of
    !> the boundary.
    real(wp), parameter :: turning = 0.45_wp, turning_growth = 1.25_wp
-   !> Size of the mesh in contact radii, in thicknesses of a film and in radii of a grain; the
-   !> larger size is used.
-   real(wp), parameter :: outer_contact = 5.0_wp, outer_thickness = 10.0_wp, outer_grain = 2.0_wp
+   !> Size of the mesh in contact radii and in radii of a grain; the larger size is used.
+   real(wp), parameter :: outer_contact = 5.0_wp, outer_grain = 2.0_wp
 
 contains
 
@@ -105,13 +79,12 @@ contains
          allocate (specimen)
       case (block_name)
          allocate (block_specimen_type :: specimen)
-      case (film_name)
-         allocate (film_specimen_type :: specimen)
       case (grain_name)
          allocate (grain_specimen_type :: specimen)
       case default
-         call refuse(error, "'"//settings%specimen%geometry//"' is unknown; allowed: " &
-            & //geometry_names, group='specimen', variable='geometry')
+         call refuse(error, "'"//settings%specimen%geometry//"' has no mesh; allowed: " &
+            & //geometry_names//'; films are computed by theory', group='specimen', &
+            & variable='geometry')
          return
       end select
       specimen%contact_radius = indenter%contact_radius
@@ -175,97 +148,8 @@ contains
       plan%depth = proportion*plan%half_width
       plan%stages = [layers_of_ratio(0.5_wp*self%width/plan%half_width, &
          & exp(log(paper_ratio)/paper_layers), refine)]
-      plan%closing = clamped_bottom
+      plan%is_clamped = .true.
    end function block_plan
-
-   subroutine film_set_up(self, settings, error)
-      class(film_specimen_type), intent(inout) :: self
-      type(settings_type), intent(in) :: settings
-      type(error_type), allocatable, intent(out) :: error
-
-      self%variables = 'thickness_um, substrate'
-      self%parts = 'the film, the substrate'
-      self%contrast = [0.0015_wp, 0.0055_wp]
-      associate (stated => settings%specimen)
-         call require(film_name, 'thickness_um', stated%thickness_um, self%thickness, error)
-         if (stated%substrate /= 'rigid') then
-            self%variables = self%variables//', substrate_young_gpa, substrate_nu'
-            call require(film_name, 'substrate_young_gpa', stated%substrate_young_gpa, &
-               & self%young, error)
-            self%poisson = stated%substrate_nu
-         end if
-      end associate
-   end subroutine film_set_up
-
-   !> Refuse a film thinner than two elements.
-   subroutine film_check_sizes(self, error)
-      class(film_specimen_type), intent(in) :: self
-      type(error_type), allocatable, intent(out) :: error
-
-      if (self%thickness < 2.0_wp*self%element_size) then
-         call refuse(error, to_text(self%thickness)//' um is less than two ' &
-            & //'elements of '//to_text(self%element_size, 3)//' um under a contact of radius ' &
-            & //to_text(self%contact_radius, 3)//' um; allowed from ' &
-            & //to_text(2.0_wp*self%element_size, 3)//' um, or indent less deeply', &
-            & variable='thickness_um')
-      end if
-   end subroutine film_check_sizes
-
-   pure type(mesh_plan_type) function film_plan(self, refine) result(plan)
-      class(film_specimen_type), intent(in) :: self
-      real(wp), intent(in) :: refine
-      type(mesh_stage_type) :: box
-      real(wp) :: edge, width, cell, contact_radius
-      logical :: thin
-
-      plan = core_of_contact(refine, self%contact_radius, self%zone)
-      ! A larger zone is wider at all depths, but no deeper.
-      contact_radius = self%contact_radius*plan%widening
-      edge = plan%half_width/plan%half_cells
-      width = plan%half_width
-      thin = self%thickness <= thick*self%contact_radius
-      box = mesh_stage_type(growth=2.0_wp, material=2)
-      allocate (plan%stages(0))
-      if (thin) then
-         box%floor_depth = max(plan%depth - self%thickness, floor_proportion*width/plan%widening)
-         box%floor_levels = max(2, 2*nint(0.5_wp*box%floor_depth/(flat*edge)))
-         plan%depth = self%thickness
-         plan%depth_cells = max(2, 2*nint(0.5_wp*self%thickness/edge))
-      else
-         ! The proportions of the box stay.
-         width = plan%half_width*self%thickness/plan%depth
-         plan%stages = graded_layers(plan%half_width, width, contact_radius, refine, 0.0_wp, 1)
-         plan%stages(1)%coarsen = .true.
-         cell = 2.0_wp*edge*self%thickness/plan%depth
-         box%floor_levels = max(2, nint(floor_proportion*width/plan%widening/cell))
-         box%floor_depth = box%floor_levels*cell
-      end if
-      if (self%young > 0.0_wp) then
-         plan%stages = [plan%stages, box]
-         plan%far_material = [2, 3]
-      else
-         plan%clamped_depth = self%thickness
-         plan%closing = clamped_around
-      end if
-      plan%stages = [plan%stages, graded_layers(width, max(outer_contact*contact_radius, &
-         & outer_thickness*self%thickness), contact_radius, refine, self%thickness, 2)]
-      if (thin) plan%stages(findloc(plan%stages%layers > 0, .true., dim=1))%coarsen = .true.
-   end function film_plan
-
-   !> Film, substrate, and their mean for the infinite elements beyond the mesh: an infinite element
-   !> continues the film as a wedge, which doubles its energy because strains decay as the square of
-   !> the distance.
-   pure function film_materials(self, crystal) result(c)
-      class(film_specimen_type), intent(in) :: self
-      !> Stiffness of the film in the sample frame, GPa.
-      real(wp), intent(in) :: crystal(6, 6)
-      real(wp), allocatable :: c(:, :, :)
-
-      c = spread(crystal, 3, 3)
-      if (.not. self%young > 0.0_wp) return
-      c(:, :, 2) = self%own_stiffness()
-      c(:, :, 3) = 0.5_wp*(c(:, :, 1) + c(:, :, 2))
-   end function film_materials
 
    subroutine grain_set_up(self, settings, error)
       class(grain_specimen_type), intent(inout) :: self
@@ -338,7 +222,7 @@ contains
       if (self%depth > 0.0_wp) width = min(width, turning*self%depth*plan%half_width/plan%depth)
       width = max(width, plan%half_width)
       plan%stages = graded_layers(plan%half_width, width, self%contact_radius*plan%widening, &
-         & refine, 0.0_wp, 1)
+         & refine, 1)
       turn = layers_of_ratio(max(self%radius, self%depth*plan%half_width/plan%depth)/width, &
          & turning_growth, refine)
       turn%shape = merge(to_cylinder, to_ball, self%depth > 0.0_wp)
@@ -346,7 +230,7 @@ contains
       turn%depth = self%depth
       outer = max(outer_contact*self%contact_radius, outer_grain*self%radius)
       plan%stages = [plan%stages, turn, &
-         & graded_layers(self%radius, outer, self%contact_radius, refine, 0.0_wp, 2)]
+         & graded_layers(self%radius, outer, self%contact_radius, refine, 2)]
       plan%stages(1)%coarsen = .true.
       plan%far_material = 2
    end function grain_plan

@@ -9,6 +9,7 @@ module problem
    use errors, only: error_type, locate_error, prefix_error, refuse
    use files, only: folder_of, printable, read_text_file, resolve_path
    use kinds, only: wp
+   use layer_table, only: layer_table_type, read_layers
    use machine, only: thread_count
    use named_values, only: named_values_reader_type
    use namelist_file, only: entry_type, find_entry
@@ -71,6 +72,8 @@ module problem
       character(len=:), allocatable :: shared_file, shared_digest
       !> Stiffness of &knowledge.
       type(stiffness_table_type), allocatable :: stiffness
+      !> Layers of &specimen.
+      type(layer_table_type), allocatable :: layers
       !> Folder, without its last slash, for finished chains until Step 2 is done; unallocated: they
       !> are not stored.
       character(len=:), allocatable :: kept_in
@@ -126,7 +129,7 @@ contains
       associate (s => self%settings, last => self%settings%indenter)
          if (len(s%surrogate%file) == 0) then
             s%surrogate%file = trim(merge('surrogate.txt', 'halfspace    ', &
-               & s%design%given .or. s%domain%given))
+               & s%design%given .or. s%domain%given .or. s%specimen%geometry == 'film'))
          end if
          call set_technique(s%measurements, s%problem%synthetic)
          if (.not. (allocated(last%depth_um) .or. allocated(last%contact_radius_um))) then
@@ -278,14 +281,20 @@ contains
       end subroutine load_grains
    end subroutine load_tables
 
-   !> Read the tables of crystals: those to simulate, references, and the candidates of &design,
-   !> which must be of the symmetry of &problem.
+   !> Read the layers, and the tables of crystals: those to simulate, references, and the candidates
+   !> of &design, which must be of the symmetry of &problem.
    subroutine load_crystals(self, error)
       type(problem_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       integer :: i
 
       associate (s => self%settings)
+         if (allocated(s%specimen%layers)) then
+            allocate (self%layers)
+            call read_layers(resolve_path(self%folder, s%specimen%layers), self%layers, error)
+            call self%locate('specimen', 'layers', error, s%specimen%layers)
+            if (allocated(error)) return
+         end if
          if (allocated(s%crystals%points)) then
             call read_file('crystals', 'points', s%crystals%points, self%crystals)
             if (allocated(error)) return

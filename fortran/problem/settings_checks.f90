@@ -143,7 +143,10 @@ contains
       character(len=*), parameter :: schedulers(3) = [character(len=7) :: 'local', 'slurm', &
          & 'address']
       integer :: k
-      logical :: has_speeds, is_bulk, is_stated(size(needs_known))
+      !> Groups of a build.
+      character(len=*), parameter :: build_groups(3) = [character(len=9) :: 'design', 'domain', &
+         & 'surrogate']
+      logical :: has_speeds, is_bulk, is_stated(size(needs_known)), stages_of_build(3)
 
       associate (curves => settings%curves, design => settings%design, &
          & geometry => settings%specimen%geometry, indenter => settings%indenter, &
@@ -191,6 +194,11 @@ contains
             & //'the instrument compute the modulus? Allowed: ''curve'' (fit of force against ' &
             & //'depth^1.5), ''stiffness'' (S/(2 a), S the contact stiffness dP/dh, a the ' &
             & //'true contact radius), ''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
+         stages_of_build = [design%given, settings%domain%given, settings%surrogate%given]
+         k = findloc(stages_of_build, .true., 1)
+         call check(geometry == 'film' .and. k > 0, trim(build_groups(max(1, k))), '', &
+            & 'a film needs no simulations and no surrogate of yours: extract computes it by ' &
+            & //'theory; remove the group')
          call check(settings%surrogate%file == 'halfspace' &
             & .and. (measured%given .or. settings%plan%given) .and. geometry /= 'halfspace', &
             & 'surrogate', 'file', '''halfspace'' is the theory of a bulk sample, but geometry ' &

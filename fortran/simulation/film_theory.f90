@@ -2,19 +2,23 @@
 !> says.
 module film_theory
    use basic_specimen, only: fineness, require
+   use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_elasticity, only: check_stiffness, isotropic_stiffness, rotate_stiffness, &
       & rotation_matrix
-   use errors, only: error_type, locate_error
+   use errors, only: error_type, locate_error, refuse
    use fe_indentation, only: least_elements
    use indenters, only: indenter_type, new_indenter
    use kinds, only: degree, wp
    use layered_compliance, only: layers_type
    use layered_contact, only: contact_type, indent_layers
-   use settings_schema, only: settings_type
-   use text, only: to_text
+   use problem, only: problem_type
+   use settings_schema, only: specimen_settings_type
+   use text, only: join, to_text
    implicit none
    private
-   public :: film_type, indent_film, indent_films
+   public :: film_name, film_type, check_film, indent_films, young_of_film
+
+   character(len=*), parameter :: film_name = 'film'
 
    !> Modulus of a film, GPa, with an estimate of its relative error, and the curve, um and mN.
    type :: film_type
@@ -22,84 +26,202 @@ module film_theory
       real(wp), allocatable :: depth(:), force(:)
    end type film_type
 
+   !> The film of a problem and its indenter.
+   type :: specimen_type
+      class(indenter_type), allocatable :: indenter
+      !> The stiffness of the crystal is 0.
+      type(layers_type) :: layers
+      !> Number of the layer that is the crystal; the last is the half-space.
+      integer :: crystal = 1
+      character(len=:), allocatable :: estimator
+      integer :: depths = 0
+   end type specimen_type
+
    !> Largest relative error of a modulus.
    real(wp), parameter :: accuracy = 1.0e-5_wp
 
 contains
 
+   !> Refuse a film whose variables are missing or contradict each other.
+   subroutine check_film(problem, error)
+      type(problem_type), intent(in) :: problem
+      type(error_type), allocatable, intent(out) :: error
+      type(specimen_type) :: specimen
+
+      call new_specimen(problem, specimen, error)
+   end subroutine check_film
+
    !> Indent crystals as films, on `threads` threads. The error is that of the first crystal that
-   !> has one.
-   subroutine indent_films(settings, stiffness, euler_deg, threads, films, error)
-      type(settings_type), intent(in) :: settings
+   !> has one; the modulus of a crystal with an error is 0.
+   subroutine indent_films(problem, stiffness, euler_deg, threads, films, error)
+      type(problem_type), intent(in) :: problem
       !> GPa, (6, 6, n); Bunge-Euler angles in degrees, (3, n).
       real(wp), intent(in) :: stiffness(:, :, :), euler_deg(:, :)
       integer, intent(in) :: threads
       type(film_type), intent(out) :: films(:)
       type(error_type), allocatable, intent(out) :: error
+      type(specimen_type) :: specimen
       type(error_type), allocatable :: own_error, errors(:)
       integer :: i
 
+      call new_specimen(problem, specimen, error)
+      if (allocated(error)) return
       allocate (errors(size(films)))
       !$omp parallel do num_threads(threads) schedule(dynamic) private(own_error)
       do i = 1, size(films)
          errors(i)%message = ''
-         call indent_film(settings, stiffness(:, :, i), degree*euler_deg(:, i), films(i), own_error)
+         call indent_film(specimen, stiffness(:, :, i), degree*euler_deg(:, i), films(i), own_error)
          if (allocated(own_error)) errors(i) = own_error
       end do
       !$omp end parallel do
       do i = 1, size(films)
          if (len(errors(i)%message) == 0) cycle
          allocate (error, source=errors(i))
-         ! An error of the settings has a group.
-         if (error%group == '') error%message = 'crystal '//to_text(i)//': '//error%message
+         error%message = 'crystal '//to_text(i)//': '//error%message
          return
       end do
    end subroutine indent_films
 
+   !> Young's modulus, GPa, of an isotropic crystal whose film has this modulus, about; that of a
+   !> half-space where no film has it.
+   real(wp) function young_of_film(problem, modulus, nu) result(young)
+      type(problem_type), intent(in) :: problem
+      !> GPa, and Poisson's ratio.
+      real(wp), intent(in) :: modulus, nu
+      !> Tolerance and longest step in the logarithm; least slope of the logarithm of a film's
+      !> modulus by that of its crystal's.
+      real(wp), parameter :: tolerance = 0.01_wp, longest = 1.5_wp, least_slope = 0.1_wp
+      integer, parameter :: most_steps = 20
+      type(specimen_type) :: specimen
+      type(film_type) :: found
+      type(error_type), allocatable :: error
+      real(wp) :: slope, step, misfit, before
+      integer :: i
+
+      young = (1.0_wp - nu**2)*modulus
+      call new_specimen(problem, specimen, error)
+      if (allocated(error)) return
+      slope = 1.0_wp
+      step = 0.0_wp
+      do i = 1, most_steps
+         call indent_film(specimen, isotropic_stiffness(young, nu), spread(0.0_wp, 1, 3), found, &
+            & error)
+         if (allocated(error)) return
+         misfit = log(modulus/found%modulus)
+         if (abs(step) > 0.0_wp) slope = max(least_slope, (before - misfit)/step)
+         if (abs(misfit) < tolerance*slope) return
+         step = max(-longest, min(longest, misfit/slope))
+         before = misfit
+         young = young*exp(step)
+      end do
+   end function young_of_film
+
    !> Indent a crystal as a film.
-   subroutine indent_film(settings, stiffness, euler, found, error)
-      type(settings_type), intent(in) :: settings
+   subroutine indent_film(specimen, stiffness, euler, found, error)
+      type(specimen_type), intent(in) :: specimen
       !> In crystal axes, GPa, (6, 6); Bunge-Euler angles in radians, (3).
       real(wp), intent(in) :: stiffness(:, :), euler(:)
       type(film_type), intent(out) :: found
       type(error_type), allocatable, intent(out) :: error
-      class(indenter_type), allocatable :: indenter
       type(layers_type) :: film
-      type(contact_type) :: contacts(settings%simulation%depths)
+      type(contact_type) :: contacts(specimen%depths)
       integer :: i
 
-      call new_indenter(settings%indenter, indenter, error)
-      call locate_error(error, '', 'indenter')
-      if (.not. allocated(error)) call new_film(settings, film, error)
-      if (.not. allocated(error)) call check_stiffness(stiffness, error)
+      call check_stiffness(stiffness, error)
       if (allocated(error)) return
-      film%c(:, :, 1) = rotate_stiffness(stiffness, rotation_matrix(euler))
-      call film_modulus(film, indenter, indenter%contact_radius*[(real(i, wp)/size(contacts), i=1, &
-         & size(contacts))], settings%specimen%estimator, contacts, found, error)
+      film = specimen%layers
+      film%c(:, :, specimen%crystal) = rotate_stiffness(stiffness, rotation_matrix(euler))
+      call film_modulus(film, specimen%indenter, specimen%indenter%contact_radius &
+         & *[(real(i, wp)/size(contacts), i=1, size(contacts))], specimen%estimator, contacts, &
+         & found, error)
       found%depth = contacts%depth
       found%force = contacts%force
    end subroutine indent_film
 
-   !> The film of the settings, without a crystal.
-   subroutine new_film(settings, film, error)
-      type(settings_type), intent(in) :: settings
-      type(layers_type), intent(out) :: film
+   !> The film of a problem. An error has the file, the group and the variable.
+   subroutine new_specimen(problem, specimen, error)
+      type(problem_type), intent(in) :: problem
+      type(specimen_type), intent(out) :: specimen
       type(error_type), allocatable, intent(out) :: error
+      character(len=*), parameter :: names(*) = [character(len=20) :: 'thickness_um', &
+         & 'substrate_young_gpa', 'substrate_symmetry', 'substrate_constants']
+      integer :: i
+
+      specimen%depths = problem%settings%simulation%depths
+      specimen%estimator = problem%settings%specimen%estimator
+      call new_indenter(problem%settings%indenter, specimen%indenter, error)
+      call locate_error(error, '', 'indenter')
+      if (.not. allocated(error)) then
+         associate (stated => problem%settings%specimen, film => specimen%layers)
+            if (allocated(problem%layers)) then
+               i = findloc([allocated(stated%thickness_um), allocated(stated%substrate_young_gpa), &
+                  & allocated(stated%substrate_symmetry), allocated(stated%substrate_constants)], &
+                  & .true., 1)
+               if (i > 0) call refuse(error, 'the file of layers has it; remove '//trim(names(i)) &
+                  & //', or layers', variable=trim(names(max(1, i))))
+               film%thickness = problem%layers%thickness
+               film%c = problem%layers%stiffness
+               specimen%crystal = problem%layers%crystal
+            else
+               allocate (film%thickness(1), film%c(6, 6, merge(1, 2, stated%substrate == 'rigid')))
+               film%c = 0.0_wp
+               call require(film_name, 'thickness_um', stated%thickness_um, film%thickness(1), &
+                  & error)
+               if (size(film%c, 3) > 1 .and. .not. allocated(error)) then
+                  call find_substrate(stated, film%c(:, :, 2), error)
+               end if
+            end if
+         end associate
+         call locate_error(error, '', 'specimen')
+      end if
+      call problem%locate('', '', error)
+   end subroutine new_specimen
+
+   !> Stiffness of the substrate in sample axes, GPa.
+   subroutine find_substrate(stated, stiffness, error)
+      type(specimen_settings_type), intent(in) :: stated
+      real(wp), intent(out) :: stiffness(6, 6)
+      type(error_type), allocatable, intent(out) :: error
+      type(crystal_class_type) :: class
       real(wp) :: young
 
-      associate (stated => settings%specimen)
-         allocate (film%thickness(1), film%c(6, 6, merge(1, 2, stated%substrate == 'rigid')))
-         film%c = 0.0_wp
-         call require('film', 'thickness_um', stated%thickness_um, film%thickness(1), error)
-         if (stated%substrate /= 'rigid') then
-            call require('film', 'substrate_young_gpa', stated%substrate_young_gpa, young, error)
-            if (.not. allocated(error)) then
-               film%c(:, :, 2) = isotropic_stiffness(young, stated%substrate_nu)
-            end if
+      stiffness = 0.0_wp
+      if (.not. allocated(stated%substrate_symmetry)) then
+         if (allocated(stated%substrate_constants)) then
+            call refuse(error, 'the variable is missing; substrate_constants needs it', &
+               & variable='substrate_symmetry')
+            return
          end if
-         call locate_error(error, '', 'specimen')
-      end associate
-   end subroutine new_film
+         call require(film_name, 'substrate_young_gpa', stated%substrate_young_gpa, young, error)
+         if (.not. allocated(error)) stiffness = isotropic_stiffness(young, stated%substrate_nu)
+         return
+      end if
+      call new_crystal_class(stated%substrate_symmetry, class, error)
+      call locate_error(error, '', variable='substrate_symmetry')
+      if (allocated(error)) return
+      if (allocated(stated%substrate_young_gpa)) then
+         call refuse(error, 'is for an isotropic substrate; remove it, or substrate_symmetry', &
+            & variable='substrate_young_gpa')
+      else if (.not. allocated(stated%substrate_constants)) then
+         call refuse(error, 'the variable is missing; substrate_symmetry needs it', &
+            & variable='substrate_constants')
+      else if (size(stated%substrate_constants) /= size(class%constants)) then
+         call refuse(error, to_text(size(stated%substrate_constants))//' values; ' &
+            & //to_text(class%n_constants)//' are needed: '//join(class%constants, ', '), &
+            & variable='substrate_constants')
+      else
+         stiffness = class%stiffness(stated%substrate_constants)
+         call check_stiffness(stiffness, error)
+         call locate_error(error, '', variable='substrate_constants')
+      end if
+      if (allocated(error) .or. .not. allocated(stated%substrate_euler_deg)) return
+      if (size(stated%substrate_euler_deg) /= 3) then
+         call refuse(error, to_text(size(stated%substrate_euler_deg))//' values; 3 are needed: ' &
+            & //'phi1, Phi, phi2', variable='substrate_euler_deg')
+         return
+      end if
+      stiffness = rotate_stiffness(stiffness, rotation_matrix(degree*stated%substrate_euler_deg))
+   end subroutine find_substrate
 
    !> Modulus of a film, GPa.
    subroutine film_modulus(film, indenter, radii, estimator, contacts, found, error)

@@ -13,7 +13,6 @@ module simulate
    use basic_specimen, only: specimen_type
    use crystal_elasticity, only: logarithmic_mean
    use errors, only: error_type, exit_failure, refuse
-   use film_theory, only: film_type, indent_film
    use fe_indentation, only: indentation_model_type, indentation_result_type, &
       & new_indentation_model, numerics_revision, simulate_indentation
    use halfspace_theory, only: halfspace_modulus, halfspace_type
@@ -22,7 +21,7 @@ module simulate
    use namelist_file, only: value_type
    use settings_list, only: is_text, settings_list_type
    use settings_schema, only: list_settings, settings_type
-   use specimens, only: film_name, new_indentation
+   use specimens, only: new_indentation
    use text, only: split_list, to_text
    implicit none
    private
@@ -45,11 +44,10 @@ module simulate
       character(len=:), allocatable :: message
    end type outcome_type
 
-   !> A finite-element model; the theory of a film, if its settings are allocated; or else that of
-   !> the half-space. It does not change once made, so threads share it.
+   !> A finite-element model, or else the theory of the half-space. It does not change once made, so
+   !> threads share it.
    type :: simulator_type
       type(indentation_model_type), allocatable :: model
-      type(settings_type), allocatable :: film
    contains
       procedure :: run
    end type simulator_type
@@ -63,7 +61,7 @@ contains
    !> Refuse a specimen or an indenter that cannot be simulated, before a mesh is made.
    subroutine check_simulation(settings, has_theory, error)
       type(settings_type), intent(in) :: settings
-      !> Whether the specimen is the half-space or a film, for which the theory is exact.
+      !> Whether the specimen is the half-space, for which the theory is exact.
       logical, intent(out) :: has_theory
       type(error_type), allocatable, intent(out) :: error
       class(indenter_type), allocatable :: indenter
@@ -72,7 +70,7 @@ contains
       has_theory = .false.
       call new_indentation(settings, indenter, specimen, error)
       if (allocated(error)) return
-      has_theory = .not. specimen%has_length .or. settings%specimen%geometry == film_name
+      has_theory = .not. specimen%has_length
    end subroutine check_simulation
 
    !> Stiffness of the other material of a specimen: the geometric mean of the eigenvalues of its
@@ -110,10 +108,7 @@ contains
       class(indenter_type), allocatable :: indenter
       type(error_type), allocatable :: error
 
-      if (settings%simulation%simulator == 'theory' &
-         & .and. settings%specimen%geometry /= film_name) then
-         return
-      end if
+      if (settings%simulation%simulator == 'theory') return
       call new_indentation(settings, indenter, specimen, error)
       if (allocated(error) .and. allocated(specimen)) deallocate (specimen)
    end subroutine find_specimen
@@ -129,7 +124,7 @@ contains
          allocate (simulator%model)
          call new_indentation_model(settings, simulator%model, error)
       case ('theory')
-         if (settings%specimen%geometry == film_name) simulator%film = settings
+         ! The simulator is the theory unless it has a model.
       case default
          call refuse(error, "simulator '"//settings%simulation%simulator &
             & //"' cannot simulate: print the next points with 'build --ask', import their " &
@@ -147,21 +142,13 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(indentation_result_type) :: result
       type(halfspace_type) :: theory
-      type(film_type) :: found
       real(wp) :: start
 
       start = omp_get_wtime()
       outcome%depth = [real(wp) ::]
       outcome%force = [real(wp) ::]
       outcome%message = ''
-      if (allocated(self%film)) then
-         call indent_film(self%film, stiffness, euler, found, error)
-         if (.not. allocated(error)) then
-            outcome%modulus = found%modulus
-            outcome%depth = found%depth
-            outcome%force = found%force
-         end if
-      else if (.not. allocated(self%model)) then
+      if (.not. allocated(self%model)) then
          call halfspace_modulus(stiffness, euler, theory, error)
          outcome%modulus = theory%modulus
       else
@@ -258,9 +245,8 @@ contains
       allocate (pairs(0))
       names = 'simulator'
       is_fe = settings%simulation%simulator == 'fe'
-      ! Imported moduli and those of films also belong to a specimen and an indenter.
-      if (is_fe .or. settings%simulation%simulator == 'import' &
-         & .or. settings%specimen%geometry == film_name) then
+      ! Imported moduli also belong to a specimen and an indenter.
+      if (is_fe .or. settings%simulation%simulator == 'import') then
          if (is_fe) call add_pair('numerics', to_text(numerics_revision))
          names = common
          call new_indentation(settings, indenter, specimen, error)

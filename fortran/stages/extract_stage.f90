@@ -2,7 +2,7 @@
 module extract_stage
    use abstract_stage, only: stage_type
    use errors, only: error_type
-   use analysis, only: analysis_type, load_analysis
+   use analysis, only: analysis_type
    use analysis_document, only: describe_prior, save_posterior, write_analysis
    use files, only: new_file_type
    use json, only: json_type
@@ -10,6 +10,7 @@ module extract_stage
    use samplers, only: chain_prefix
    use running_command, only: remove_files
    use stage_documents, only: end_document, inputs_of
+   use surrogate_loading, only: load_analysis
    use text, only: join, newline, number_text, to_text
    implicit none
    private
@@ -32,7 +33,7 @@ contains
 
       call self%problem%take_curve_results(self%output, error)
       if (.not. allocated(error)) then
-         call load_analysis(self%problem, self%places, self%analysis, error)
+         call load_analysis(self%problem, self%places, .false., self%analysis, error)
       end if
       if (.not. allocated(error)) call self%analysis%prepare(error)
    end subroutine begin

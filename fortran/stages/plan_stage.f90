@@ -1,10 +1,11 @@
 !> `plan`: the sd that each constant is expected to have.
 module plan_stage
    use abstract_stage, only: stage_type
-   use analysis, only: analysis_type, load_analysis
+   use analysis, only: analysis_type
    use errors, only: error_type
    use json, only: json_type
    use planned_measurements, only: check_plan, plan_measurements
+   use surrogate_loading, only: load_analysis
    implicit none
    private
    public :: plan_stage_type
@@ -23,7 +24,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       self%done = self%output//'/plan.json'
-      call load_analysis(self%problem, self%places, self%analysis, error)
+      call load_analysis(self%problem, self%places, .true., self%analysis, error)
       if (.not. allocated(error)) call check_plan(self%analysis, error)
    end subroutine begin
 

@@ -11,10 +11,12 @@ module stages
    use errors, only: error_type, locate_error, refuse
    use extract_stage, only: extract_stage_type
    use files, only: printable, read_text_file
+   use film_theory, only: check_film, film_name
    use machine, only: raise_no_memory, reserve_blas
    use namelist_file, only: entry_type, find_entry, parse_namelist
    use next_stage, only: next_stage_type
    use plan_stage, only: plan_stage_type
+   use posterior_focus, only: check_focus
    use named_values, only: named_values_reader_type
    use problem, only: new_problem, problem_type
    use problem_posterior, only: check_step_2, check_target
@@ -84,6 +86,9 @@ contains
 
       if (any(problem%stages == 'build')) then
          call check_build(problem, error, places%output(:len(places%output) - 1))
+      else if (problem%settings%specimen%geometry == film_name) then
+         ! The stage itself trains the correction.
+         if (allocated(problem%measurements)) call check_focus(problem, error)
       else
          if (any(problem%stages == 'plan')) call plan%open(problem, places, error)
          if (allocated(error)) return
@@ -203,9 +208,17 @@ contains
 
       call self%load_tables(given, error)
       if (allocated(error)) return
-      ! Theory needs no mesh of a film.
-      has_theory = self%settings%specimen%geometry == 'film' .and. all(self%stages == 'theory')
-      if (.not. has_theory) call check_simulation(self%settings, has_theory, error)
+      has_theory = self%settings%specimen%geometry == film_name
+      if (has_theory) then
+         call check_film(self, error)
+         if (self%command == 'run') self%stages = pack(self%stages, self%stages /= 'simulate')
+         if (any(self%stages == 'simulate') .and. .not. allocated(error)) then
+            call self%refuse('specimen', 'geometry', 'a film needs no simulations; use the ' &
+               & //'command theory', error)
+         end if
+      else
+         call check_simulation(self%settings, has_theory, error)
+      end if
       call self%locate('', '', error)
       if (allocated(error)) return
       associate (settings => self%settings)

@@ -4,7 +4,7 @@ module theory_stage
    use abstract_stage, only: stage_type
    use stage_documents, only: begin_crystal, write_moduli
    use errors, only: error_type
-   use film_theory, only: film_type, indent_films
+   use film_theory, only: film_name, film_type, indent_films
    use halfspace_theory, only: halfspace_moduli
    use json, only: json_type
    use kinds, only: wp
@@ -33,11 +33,10 @@ contains
 
       associate (points => self%problem%crystals)
          allocate (modulus(points%n), circular(points%n))
-         if (self%problem%settings%specimen%geometry == 'film') then
+         if (self%problem%settings%specimen%geometry == film_name) then
             allocate (films(points%n))
-            call indent_films(self%problem%settings, points%stiffness, points%euler_deg, &
+            call indent_films(self%problem, points%stiffness, points%euler_deg, &
                & self%problem%threads(), films, error)
-            call self%problem%locate('', '', error)
             modulus = films%modulus
          else
             call halfspace_moduli(points%stiffness, points%euler_deg, &

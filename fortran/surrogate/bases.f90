@@ -39,13 +39,13 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       select case (model)
-      case ('correction', 'halfspace')
+      case ('correction', 'film', 'halfspace')
          allocate (correction_basis_type :: basis)
       case ('paper')
          allocate (paper_basis_type :: basis)
       case default
          call refuse(error, 'the model '''//model//''' is unknown; allowed: '//basis_names &
-            & //', halfspace')
+            & //', film, halfspace')
          return
       end select
       basis%settings%model = model

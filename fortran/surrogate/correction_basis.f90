@@ -8,7 +8,8 @@
 !> not determined describe the misfit of the others: it is a function of the crystal, which grains
 !> of similar orientation share.
 !>
-!> The model 'halfspace' has no terms and needs no simulation. Its error is that of the expansion of
+!> The model 'film' is trained on exact values where the posterior is. The model 'halfspace' has no
+!> terms and needs no simulation. Its error is that of the expansion of
 !> the surface compliance, see `compliance_field`.
 module correction_basis
    use abstract_basis, only: basis_type, grain_model_type, growth_power, spread_of
@@ -48,6 +49,8 @@ module correction_basis
    type, extends(basis_type) :: correction_basis_type
       !> Polynomials of y; the model 'halfspace' has none.
       type(axial_polynomials_type) :: polynomials
+      !> Of the domain's class.
+      type(log_coordinates_type), private :: logarithms
    contains
       procedure :: set_up, evaluate_many, new_grain_model
    end type correction_basis_type
@@ -64,6 +67,7 @@ module correction_basis
       real(wp), allocatable :: euler(:, :)
       type(axial_polynomials_type) :: polynomials
       type(log_coordinates_type) :: logarithms
+      type(domain_type) :: domain
       !> Map from coordinates of log K to those about each axis for which moduli are computed,
       !> (axis, coordinate, n_constants).
       real(wp), allocatable :: maps(:, :, :)
@@ -106,6 +110,11 @@ contains
       ! block (docs/verification/surrogate.md); docs/surrogate.md states the least noise.
       self%least_noise = 1.7e-4_wp
       self%first_sds = [0.017_wp, 1.0e-3_wp]
+      if (self%settings%model == 'film') then
+         ! Ten times the error of exact values.
+         self%least_noise = 1.0e-4_wp
+         self%logarithms = new_log_coordinates(self%domain%class)
+      end if
       if (self%domain%log_anisotropy_max < huge(1.0_wp)) then
          self%noise_growth = spread_at_end/self%domain%log_anisotropy_max**growth_power
       end if
@@ -125,7 +134,7 @@ contains
          call halfspace_modulus(c(:, :, i), euler(:, i), theory, error)
          scale(i) = theory%modulus
          spread(i) = spread_of(self%noise_growth, c(:, :, i))
-         if (self%n_terms > 0) x(i, :) = turned_coordinates(logarithm_of(c(:, :, i)), euler(:, i))
+         if (self%n_terms > 0) x(i, :) = turned_coordinates(logarithm(c(:, :, i)), euler(:, i))
       end do
       if (self%n_terms > 0) then
          call evaluate_polynomials(self%polynomials, x(:, :self%polynomials%n_coordinates), values)
@@ -133,6 +142,25 @@ contains
       do i = 1, size(scale)
          terms(:, i) = values(i, :)/spread(i)
       end do
+
+   contains
+
+      !> Logarithm of a stiffness, or of the nearest one within the limits of an extended domain.
+      pure function logarithm(stiffness)
+         real(wp), intent(in) :: stiffness(6, 6)
+         real(wp) :: logarithm(6, 6), w(self%logarithms%n)
+         integer :: k
+
+         if (.not. self%domain%is_extended) then
+            logarithm = logarithm_of(stiffness)
+            return
+         end if
+         w = self%domain%nearest(self%logarithms%to_logarithms(stiffness))
+         logarithm = 0.0_wp
+         do k = 1, size(w)
+            logarithm = logarithm + w(k)*self%logarithms%basis(:, :, k)
+         end do
+      end function logarithm
    end subroutine evaluate_many
 
    !> Coordinates of a matrix in crystal axes about the indenter's axis.
@@ -146,11 +174,11 @@ contains
       x = axial_coordinates_of(matmul(turn, matmul(matrix, transpose(turn))))
    end function turned_coordinates
 
-   subroutine new_grain_model(self, class, coefficients, covariance, model, error)
+   subroutine new_grain_model(self, class, coefficients, covariance, trained, model, error)
       class(correction_basis_type), intent(in) :: self
       type(crystal_class_type), intent(in) :: class
       !> (n_terms); (n_terms, n_terms), or of size 0.
-      real(wp), intent(in) :: coefficients(:), covariance(:, :)
+      real(wp), intent(in) :: coefficients(:), covariance(:, :), trained(:, :)
       class(grain_model_type), allocatable, intent(out) :: model
       type(error_type), allocatable, intent(out) :: error
       type(correction_grain_model_type), allocatable :: new
@@ -161,6 +189,7 @@ contains
       new%noise_growth = self%noise_growth
       new%polynomials = self%polynomials
       new%logarithms = new_log_coordinates(class)
+      new%domain = self%domain
       new%coefficients = coefficients
       if (size(covariance) > 0) then
          call factor_covariance()
@@ -172,8 +201,8 @@ contains
    contains
 
       !> F with F Fᵀ the covariance, less 0.2 % of the variance of y in the mean over crystals of
-      !> the class in the domain: most directions of the coefficients hardly change y in any of
-      !> them.
+      !> the class in the domain, or those of the training for a film: most directions of the
+      !> coefficients hardly change y in any of them.
       subroutine factor_covariance()
          integer, parameter :: n_crystals = 500, seed = 1
          real(wp), parameter :: variance_left_out = 2.0e-3_wp
@@ -183,12 +212,18 @@ contains
          type(domain_type) :: domain
          integer :: i, j, n
 
-         domain = self%domain
-         domain%members = class%name
-         call spread_crystals(domain, n_crystals, seed, constants, euler_deg, error)
-         if (allocated(error)) return
+         if (self%settings%model == 'film') then
+            n = size(trained, 1)
+            constants = trained(:n - 3, :)
+            euler_deg = trained(n - 2:, :)
+         else
+            domain = self%domain
+            domain%members = class%name
+            call spread_crystals(domain, n_crystals, seed, constants, euler_deg, error)
+            if (allocated(error)) return
+         end if
          n = self%n_terms
-         allocate (projected(n, n_crystals), values(n))
+         allocate (projected(n, size(constants, 2)), values(n))
          call self%evaluate_crystals(constants, euler_deg, terms, scale, spread)
          root = covariance
          call cholesky_factor(root, error)
@@ -333,7 +368,7 @@ contains
       end do
       do i = 1, size(c, 3)
          if (self%polynomials%n == 0) exit
-         w = self%logarithms%to_logarithms(c(:, :, i))
+         w = self%domain%nearest(self%logarithms%to_logarithms(c(:, :, i)))
          if (self%own%n_products > 0) then
             call transposed_product(self%expanded(:, :size(y)), own_products(self, w), y)
          else
@@ -350,14 +385,15 @@ contains
       !> (n, n_columns).
       real(wp), intent(out), contiguous :: columns(:, :)
       real(wp), allocatable :: independent(:, :)
+      real(wp) :: w(self%logarithms%n)
 
       allocate (independent(self%n_independent, self%n_columns))
+      w = self%domain%nearest(self%logarithms%to_logarithms(c))
       if (self%own%n_products > 0) then
          call transposed_product(self%expanded(:, self%n_independent + 1:), &
-            & own_products(self, self%logarithms%to_logarithms(c)), independent)
+            & own_products(self, w), independent)
       else
-         call multiply(terms_of_grains(self, self%logarithms%to_logarithms(c)), self%factor, &
-            & independent)
+         call multiply(terms_of_grains(self, w), self%factor, independent)
       end if
       independent = independent/spread_of(self%noise_growth, c)
       call self%expansion%expand(independent, columns)

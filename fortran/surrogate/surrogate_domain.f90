@@ -28,8 +28,12 @@ module surrogate_domain
       !> exp(tr log K/6). Where it is stated the specimen correction depends on the scale. Bounds of
       !> the constants take precedence over it.
       real(wp) :: stiffness(2) = [0.0_wp, huge(1.0_wp)]
+      !> Whether a correction beyond the limits of invariants is that of the nearest crystal within
+      !> them. The limits then do not apply to the crystals that are inferred. Not stored.
+      logical :: is_extended = .false.
    contains
       procedure :: has_scale, is_limited, admits, is_of_class, normalised_distance, coordinates_of
+      procedure :: nearest, support
    end type domain_type
 
 contains
@@ -97,6 +101,43 @@ contains
 
       has_scale = self%stiffness(2) < huge(1.0_wp)
    end function has_scale
+
+   !> The crystals at which the surrogate may be evaluated: the domain, or all stable crystals of
+   !> its class if it is extended.
+   pure type(domain_type) function support(self)
+      class(domain_type), intent(in) :: self
+
+      support%class = self%class
+      support%members = self%members
+      support%lower = self%lower
+      support%upper = self%upper
+      support%is_extended = self%is_extended
+      if (self%is_extended) return
+      support%anisotropy_cap = self%anisotropy_cap
+      support%log_anisotropy_max = self%log_anisotropy_max
+      support%poisson = self%poisson
+      support%stiffness = self%stiffness
+   end function support
+
+   !> Coordinates of log K of the crystal within the limits of an extended domain that is nearest to
+   !> one.
+   pure function nearest(self, w)
+      class(domain_type), intent(in) :: self
+      !> Coordinates of log K in any class, the first two those of the isotropic part.
+      real(wp), intent(in) :: w(:)
+      real(wp) :: nearest(size(w)), between, mean
+
+      nearest = w
+      if (.not. self%is_extended) return
+      associate (least => log((1.0_wp + self%poisson)/(1.0_wp - 2.0_wp*self%poisson)), &
+         & scale => log(self%stiffness))
+         between = max(least(1), min(least(2), w(1) - w(2)/sqrt(5.0_wp)))
+         mean = max(scale(1), min(scale(2), (w(1) + sqrt(5.0_wp)*w(2))/6.0_wp))
+      end associate
+      nearest(1) = mean + 5.0_wp/6.0_wp*between
+      nearest(2) = sqrt(5.0_wp)*(mean - between/6.0_wp)
+      nearest(3:) = w(3:)*min(1.0_wp, self%log_anisotropy_max/max(norm2(w(3:)), tiny(1.0_wp)))
+   end function nearest
 
    !> Whether the domain excludes any stable crystal of its class.
    pure logical function is_limited(self)

@@ -163,11 +163,22 @@ contains
       logical, intent(in) :: with_covariance
       class(grain_model_type), allocatable, intent(out) :: model
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: covariance(:, :)
+      !> Number of the latest crystals that represent those of the training.
+      integer, parameter :: most_trained = 500
+      real(wp), allocatable :: covariance(:, :), trained(:, :)
+      integer :: n, first
 
       allocate (covariance(0, 0))
       if (with_covariance) covariance = surrogate%covariance
-      call surrogate%basis%new_grain_model(class, surrogate%coefficients, covariance, model, error)
+      associate (known => surrogate%simulations)
+         n = size(known%modulus)
+         first = max(1, n + 1 - most_trained)
+         allocate (trained(size(known%constants, 1) + 3, n + 1 - first))
+         trained(:size(known%constants, 1), :) = known%constants(:, first:)
+         trained(size(known%constants, 1) + 1:, :) = known%euler_deg(:, first:)
+      end associate
+      call surrogate%basis%new_grain_model(class, surrogate%coefficients, covariance, trained, &
+         & model, error)
       if (allocated(error)) return
       call model%set_grains(euler, error)
    end subroutine new_grain_model

@@ -24,6 +24,7 @@ module posterior_focus
    implicit none
    private
    public :: focus_type, has_focus, check_focus, find_focus, is_accurate
+   public :: changes_of_variance, extend
 
    !> Number of simulations over the domain before the first round; in each round, number of those
    !> at the posterior by the theory alone, and of all.
@@ -210,7 +211,9 @@ contains
       type(posterior_type), intent(in) :: posterior
       !> (parameter, draw).
       real(wp), intent(in) :: draws(:, :)
-      integer, intent(in) :: n_constants, threads
+      !> Number of constants, the first parameters.
+      integer, intent(in) :: n_constants
+      integer, intent(in) :: threads
       real(wp) :: change(n_constants)
       integer, parameter :: n_surrogates = 30
       !> Errors of the surrogates, in sds, and weights of the draws; surrogate 0 is exact.

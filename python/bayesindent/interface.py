@@ -12,7 +12,7 @@ from .crystal.elasticity import (
     stiffness,
 )
 from .crystal.elasticity import constant_names as constants
-from .fe.indentation import Indentation, IndentationResult
+from .fe.indentation import Indentation, IndentationResult, film_modulus
 from .inference.extract import extract, next_grain, plan, summary
 from .program.functions import FUNCTIONS
 from .report import plots
@@ -41,6 +41,7 @@ __all__ = [
     "constants",
     "curves",
     "extract",
+    "film_modulus",
     "halfspace_modulus",
     "log_anisotropy",
     "next_grain",

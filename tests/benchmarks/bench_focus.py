@@ -1,7 +1,7 @@
-"""Whether the loop closes: films of metals for which the quickstart's first fifteen simulations are
+"""Whether the loop closes: embedded grains of metals for which the first fifteen simulations are
 wrong, and simulations at the posterior.
 
-    ./bayesindent bench focus [--metals iridium,lead] [--film 1.0,163,0.223] [--seeds 5] [--many
+    ./bayesindent bench focus [--metals iridium,lead] [--grain 2.5,163,0.223] [--seeds 5] [--many
     200] [--output DIR]
 
 Synthetic moduli of eleven grains, by finer simulations than those of the loop, with a noise of 2
@@ -42,11 +42,11 @@ OTHERS = {
     "cobalt": ("hexagonal", (307.0, 165.0, 75.5, 358.1, 103.0)),
     "magnesium": ("hexagonal", (59.7, 26.2, 16.4, 61.7, 21.7)),
 }
-FILM = {"geometry": "film", "estimator": "curve"}
+GRAIN = {"geometry": "grain", "matrix": "isotropic", "estimator": "curve"}
 GRAINS = 11
 CASE = """\
 &problem symmetry = '{symmetry}', synthetic = .true., seed = {seed} /
-&specimen geometry = 'film', estimator = 'curve', {film} /
+&specimen geometry = 'grain', matrix = 'isotropic', estimator = 'curve', {grain} /
 &design {design} /
 &measurements file = '{data}', modulus_kind = 'indentation_modulus' /
 &knowledge quantity = 'bulk_modulus', mean = {bulk}, sd = {bulk_sd} /
@@ -62,7 +62,7 @@ WIDE = (
 )
 
 
-def truth_of(metal, folder, film):
+def truth_of(metal, folder, grain):
     """Moduli of the grains, kept from call to call."""
     symmetry, constants = (METALS | OTHERS)[metal]
     rng = np.random.default_rng(7)
@@ -75,7 +75,7 @@ def truth_of(metal, folder, film):
     )
     file = folder / f"{metal}.txt"
     if not file.exists():
-        indentation = bi.Indentation(**FILM, **film, refine=1.5, extrapolate=True)
+        indentation = bi.Indentation(**GRAIN, **grain, refine=1.5, extrapolate=True)
         outcomes = indentation.run_many(stiffness_rows(symmetry, [constants] * GRAINS), euler)
         np.savetxt(file, [outcome.indentation_modulus_gpa for outcome in outcomes])
     return euler, np.loadtxt(file)
@@ -139,28 +139,28 @@ def main(argv=None) -> None:
     )
     parser.add_argument("--metals", default=",".join(METALS), help=f"also {', '.join(OTHERS)}")
     parser.add_argument(
-        "--film",
-        default="1.0,163,0.223",
-        help="its thickness in um; Young's modulus in GPa and Poisson's ratio of the substrate",
+        "--grain",
+        default="2.5,163,0.223",
+        help="its radius in um; Young's modulus in GPa and Poisson's ratio of the matrix",
     )
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--many", type=int, default=200)
     parser.add_argument("--design", default="")
     parser.add_argument("--output", type=Path)
     options = parser.parse_args(argv)
-    # What is kept there belongs to one film.
-    folder = (options.output or Path(tempfile.mkdtemp())) / options.film.replace(",", "_")
+    # What is kept there belongs to one grain.
+    folder = (options.output or Path(tempfile.mkdtemp())) / options.grain.replace(",", "_")
     folder.mkdir(parents=True, exist_ok=True)
-    film = dict(
+    grain = dict(
         zip(
-            ("thickness_um", "substrate_young_gpa", "substrate_nu"),
-            map(float, options.film.split(",")),
+            ("grain_radius_um", "matrix_young_gpa", "matrix_nu"),
+            map(float, options.grain.split(",")),
             strict=True,
         )
     )
     for metal in options.metals.split(","):
         symmetry, constants = (METALS | OTHERS)[metal]
-        euler, moduli = truth_of(metal, folder, film)
+        euler, moduli = truth_of(metal, folder, grain)
         bulk = bi.quantities(symmetry, constants, names=["bulk_modulus"])["bulk_modulus"]
         cases, posteriors = {}, {}
         for seed in range(1, options.seeds + 1):
@@ -174,7 +174,7 @@ def main(argv=None) -> None:
             )
             cases[seed] = {
                 "symmetry": symmetry,
-                "film": ", ".join(f"{name} = {value}" for name, value in film.items()),
+                "grain": ", ".join(f"{name} = {value}" for name, value in grain.items()),
                 "seed": seed,
                 "data": data,
                 "bulk": bulk * (1 + 0.02 * rng.normal()),

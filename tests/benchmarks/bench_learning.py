@@ -3,7 +3,7 @@ number of simulations, and whether its sd is honest.
 
 The unseen crystals are simulated once and kept in campaign.sqlite (run again to go on): on the
 paper's block those of the literature in random directions, of the paper's two domains, and random
-orthorhombic ones; on a film or in a grain cubic, hexagonal and orthorhombic ones that are spread
+orthorhombic ones; in a grain cubic, hexagonal and orthorhombic ones that are spread
 over the domain, where there is a scale up to three times as stiff as the surroundings or as
 compliant, and errors are in per cent. For each seed a correction is built with its defaults, step
 by step; beside it theory alone, and theory times the one ratio of the correction's simulations. One
@@ -43,15 +43,9 @@ CASE_STUDIES = Path(__file__).parents[2] / "inputs" / "case_studies"
 PAPER_SIZES = {"cubic": (150, 300), "hexagonal": (760,)}
 #: Random crystals of one class: greatest log-anisotropy, and the range of log(3K/2G).
 ORTHORHOMBIC = (1.3, 0.2, 1.6)
-#: &specimen of each that can be asked for: thickness 4, radii 5 contact radii.
+#: &specimen of each that can be asked for: radii 5 contact radii.
 SPECIMENS: dict[str, dict] = {
     "block": {"geometry": "block"},
-    "film": {
-        "geometry": "film",
-        "thickness_um": 2.0,
-        "substrate_young_gpa": 160.0,
-        "substrate_nu": 0.22,
-    },
     "grain": {"geometry": "grain", "grain_radius_um": 2.5},
     "matrix": {
         "geometry": "grain",
@@ -73,7 +67,7 @@ def main(argv=None) -> int:
         "--specimen",
         choices=SPECIMENS,
         default="block",
-        help="the paper's block; a film; a grain in its own polycrystal or a given matrix",
+        help="the paper's block; a grain in its own polycrystal or a given matrix",
     )
     parser.add_argument(
         "--unseen", type=int, default=320, help="unseen crystals of each kind (320)"

@@ -146,7 +146,7 @@ SEEDS = {
         ".csv",
         [
             (SOURCE / f"inputs/data/{name}.csv").read_bytes()
-            for name in ("fe3si", "titanium", "zinc", "copper_film")
+            for name in ("fe3si", "titanium", "zinc", "copper_film", "copper_grains")
         ],
         10,
     ),

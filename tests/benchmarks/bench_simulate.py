@@ -5,11 +5,9 @@ machine's matrix product.
 against the half-space theory
 - indenters: sphere and cone against Sneddon's closed forms on an isotropic half-space, and M of
 anisotropic crystals under them
-- films: every film of coated_halfspace.csv, default and extrapolated
-- alike: films and grains among what is like them against the half-space; thick films and large
-grains of anisotropic crystals likewise;
-  unlike isotropic films a hundred times as thick as the contact radius against the theory
-- specimens: elements, work, memory and CPU time of films and grains
+- alike: grains among what is like them against the half-space; large grains of anisotropic
+crystals likewise
+- specimens: elements, work, memory and CPU time of grains
 - random: crystals drawn uniformly from the paper's two domains, against the theory
 - soft: crystals with soft modes of shear, towards elastic instability, against the theory and the
 error that a warning states, and the
@@ -21,7 +19,7 @@ rate against SGEMM
 - ccx: CPU time of CalculiX on the exported deck of the paper's block, four depths, against our
 curve of four depths with the set-up of
   the model (mesh, ordering, symbolic factorisation) that CalculiX does too, and against the further
-  crystals of a model; the forces of a film and a grain
+  crystals of a model; the forces of a grain
 - memory: peak of a process with one and with two simulations at a time
 - workers: two threads against one
 - size: factorisation time and factor size over mesh size, with a figure
@@ -48,8 +46,6 @@ from support.csv_tables import ANGLES, named_numbers, numbers, read_rows
 SECTIONS = (
     "accuracy",
     "indenters",
-    "films",
-    "pairs",
     "alike",
     "specimens",
     "random",
@@ -87,7 +83,6 @@ def main(argv=None) -> int:
     parser.add_argument(
         "--random", type=int, default=100, help="random crystals of each domain (100)"
     )
-    parser.add_argument("--pairs", type=int, default=40, help="films of `pairs` (40)")
     parser.add_argument(
         "--seed",
         type=int,
@@ -211,38 +206,8 @@ def run_indenters(arguments) -> None:
     table(header, rows)
 
 
-def run_films(arguments) -> None:
-    """Isotropic films against exact values."""
-    header = (
-        "layer: E, GPa, nu",
-        "substrate",
-        "thickness, um",
-        "force, default, %",
-        "force, extrapolate, %",
-        "contact radius, elements",
-        "elements",
-        "elements, extrapolate",
-    )
-    table(header, specimens.coated())
-
-
-def run_pairs(arguments) -> None:
-    """Isotropic films drawn at random against the exact contact of a layered half-space."""
-    header = (
-        "E film/substrate",
-        "nu of the film",
-        "of the substrate",
-        "thickness, contact radii",
-        "M, one mesh, %",
-        "M, default, %",
-        "meshes",
-        "time, default over one mesh",
-    )
-    table(header, specimens.pairs(arguments.pairs))
-
-
 def run_alike(arguments) -> None:
-    """Films and grains that are half-spaces, nearly or quite."""
+    """Grains that are half-spaces, nearly or quite."""
     ratios = [
         f"nu = {nu}, {mesh}, %" for mesh in ("default", "extrapolate") for nu in (0.1, 0.3, 0.45)
     ]
@@ -254,19 +219,10 @@ def run_alike(arguments) -> None:
         for mesh in ("default", "extrapolate")
     ]
     table(("crystal", "class", "specimen", *errors), specimens.large())
-    print()
-    header = (
-        "layer: E, GPa, nu",
-        "substrate",
-        "what the substrate adds, %",
-        "force, default, %",
-        "force, extrapolate, %",
-    )
-    table(header, specimens.unlike())
 
 
 def run_specimens(arguments) -> None:
-    """What films and grains cost."""
+    """What grains cost."""
     header = (
         "specimen",
         "elements",
@@ -656,7 +612,7 @@ def run_ccx(arguments) -> None:
     )
     print()
     rows = []
-    for name in ("film, 1.0 um", "hemisphere, 2.5 um"):
+    for name in ("hemisphere, 2.5 um",):
         settings = specimens.around(specimens.SPECIMENS[name], 160.0, 0.25)
         model = bi.Indentation(**settings, element="c3d8", integration="full", depths=2)
         seconds, _, force = calculix(model, (20, 35, 10))

@@ -1,6 +1,4 @@
-"""Films and embedded grains for `bench simulate`: against exact values, against the half-space, and
-what they cost.
-"""
+"""Embedded grains for `bench simulate`: against the half-space, and what they cost."""
 
 import csv
 import time
@@ -9,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 import bayesindent as bi
-from support.layered_halfspace import LayeredContact, random_pairs, thick_layer
 from support.tree import REFERENCE
 
 __all__ = [
@@ -17,32 +14,15 @@ __all__ = [
     "SPECIMENS",
     "alike",
     "around",
-    "coated",
     "costs",
     "large",
-    "pairs",
-    "unlike",
 ]
 
 #: Of three classes, each in a general orientation.
 CRYSTALS = ("copper", "Zn", "Ti", "rutile", "quartz")
 ANGLES = (200.0, 50.0, 25.0)
-#: Layer and substrate of unlike pairs: Young's modulus, GPa, and Poisson's ratio.
-PAIRS = [
-    ((200, 0.3), (100, 0.3)),
-    ((100, 0.3), (200, 0.3)),
-    ((70, 0.35), (200, 0.28)),
-    ((400, 0.2), (160, 0.22)),
-    ((200, 0.3), (70, 0.2)),
-    ((70, 0.3), (400, 0.25)),
-    ((130, 0.45), (130, 0.1)),
-]
 #: Specimens by what is printed of them, contact radius 0.5 um.
 SPECIMENS: dict[str, dict] = {
-    **{
-        f"film, {t} um": {"geometry": "film", "thickness_um": t}
-        for t in (0.2, 0.3, 0.5, 0.65, 0.7, 1.0, 2.0, 5.0, 10.0, 50.0)
-    },
     **{
         f"hemisphere, {r} um": {"geometry": "grain", "grain_radius_um": r}
         for r in (1.5, 2.5, 5.0, 10.0, 50.0)
@@ -73,8 +53,6 @@ def hill(crystal) -> tuple[float, float]:
 
 def around(settings: dict, young: float, nu: float) -> dict:
     """The settings of a specimen with isotropic surroundings."""
-    if settings["geometry"] == "film":
-        return settings | {"substrate_young_gpa": young, "substrate_nu": nu}
     return settings | {"matrix": "isotropic", "matrix_young_gpa": young, "matrix_nu": nu}
 
 
@@ -82,65 +60,6 @@ def reference_rows(name: str) -> list[dict]:
     """Rows of a table of tests/reference."""
     with (REFERENCE / name).open() as stream:
         return list(csv.DictReader(line for line in stream if not line.startswith("#")))
-
-
-def coated() -> Iterator[tuple]:
-    """Force and contact radius of every film of coated_halfspace.csv, default and extrapolated."""
-    for row in reference_rows("coated_halfspace.csv"):
-        case = {name: float(value) for name, value in row.items()}
-        layer = isotropic(case["layer_young_gpa"], case["layer_nu"])
-        errors, sizes, edge = [], [], 0.0
-        for extrapolate in (False, True):
-            film = bi.Indentation(
-                geometry="film",
-                thickness_um=case["thickness_um"],
-                substrate_young_gpa=case["substrate_young_gpa"],
-                substrate_nu=case["substrate_nu"],
-                depth_um=case["depth_um"],
-                extrapolate=extrapolate,
-            )
-            result = film.run(layer, (0, 0, 0))
-            errors.append(100 * (result.force_mn[-1] / case["force_mn"] - 1))
-            sizes.append(film.elements)
-            edge = max(
-                edge, abs(result.contact_radius_um[-1] - case["contact_radius_um"]) / (0.5 / 9.5)
-            )
-        yield (
-            f"{row['layer_young_gpa']}, {row['layer_nu']}",
-            f"{row['substrate_young_gpa']}, {row['substrate_nu']}",
-            row["thickness_um"],
-            *(f"{error:+.3f}" for error in errors),
-            f"{edge:.2f}",
-            *sizes,
-        )
-
-
-def pairs(count: int) -> Iterator[tuple]:
-    """M of isotropic films drawn at random, on one mesh and as by default, against the exact
-    contact.
-    """
-    for ratio, nu, below, thickness in random_pairs(count):
-        settings = {
-            "geometry": "film",
-            "thickness_um": 0.5 * thickness,
-            "substrate_young_gpa": 100.0,
-            "substrate_nu": below,
-        }
-        exact = LayeredContact((100 * ratio, nu), (100.0, below), 0.5 * thickness)
-        results = [
-            bi.Indentation(**settings, **options).run(isotropic(100 * ratio, nu), (0, 0, 0))
-            for options in ({"extrapolate": False}, {})
-        ]
-        modulus = exact.modulus_of_curve(results[0].depth_um)
-        yield (
-            f"{ratio:.2f}",
-            f"{nu:.2f}",
-            f"{below:.2f}",
-            f"{thickness:.2f}",
-            *(f"{100 * (result.indentation_modulus_gpa / modulus - 1):+.3f}" for result in results),
-            len(results[1].modulus_of_mesh_gpa),
-            f"{results[1].seconds / results[0].seconds:.2f}",
-        )
 
 
 def two_meshes(settings: dict, stiffness, angles) -> np.ndarray:
@@ -172,9 +91,7 @@ def alike() -> Iterator[tuple]:
 
 
 def large() -> Iterator[tuple]:
-    """Anisotropic crystals where the surroundings, of their average, are far away: a/t = a/R =
-    0.002.
-    """
+    """Anisotropic crystals where the surroundings, of their average, are far away: a/R = 0.002."""
     rows = {row["name"]: row for row in reference_rows("crystals.csv")}
     for name in CRYSTALS:
         row = rows[name]
@@ -188,7 +105,6 @@ def large() -> Iterator[tuple]:
         )
         for specimen, settings in (
             ("half-space", None),
-            ("film, 250 um", {"geometry": "film", "thickness_um": 250.0}),
             ("hemisphere, 250 um", {"geometry": "grain", "grain_radius_um": 250.0}),
         ):
             found = (
@@ -205,38 +121,10 @@ def large() -> Iterator[tuple]:
             )
 
 
-def unlike() -> Iterator[tuple]:
-    """Isotropic films a hundred times as thick as the contact radius, on a substrate that is
-    another.
-    """
-    for layer, substrate in PAIRS:
-        depth, force = thick_layer(layer, substrate, 50.0, 0.5, 16.0)
-        settings = around({"geometry": "film", "thickness_um": 50.0, "depth_um": depth}, *substrate)
-        forces = [
-            bi.Indentation(**settings, extrapolate=e).run(isotropic(*layer), (0, 0, 0)).force_mn[-1]
-            for e in (False, True)
-        ]
-        half = 4 / 3 * layer[0] / (1 - layer[1] ** 2) * 4 * depth**1.5
-        yield (
-            f"{layer[0]}, {layer[1]}",
-            f"{substrate[0]}, {substrate[1]}",
-            f"{100 * (force / half - 1):+.3f}",
-            *(f"{100 * (found / force - 1):+.3f}" for found in forces),
-        )
-
-
 def costs(crystal) -> Iterator[tuple]:
     """Set-up and one curve of each specimen, CPU time."""
     specimens = {"half-space": {}, "block, the paper's": {"geometry": "block"}}
     specimens |= {name: around(settings, 160.0, 0.25) for name, settings in SPECIMENS.items()}
-    specimens |= {
-        f"film, {t} um, on what is rigid": {
-            "geometry": "film",
-            "thickness_um": t,
-            "substrate": "rigid",
-        }
-        for t in (1.0, 10.0)
-    }
     for name, settings in specimens.items():
         start = time.process_time()
         model = bi.Indentation(**settings)

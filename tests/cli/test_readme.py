@@ -1,4 +1,4 @@
-"""What README.md and the page of the film show is what the program prints."""
+"""What README.md and the page of small grains show is what the program prints."""
 
 import re
 
@@ -9,7 +9,7 @@ from support.tree import SOURCE
 
 pytestmark = pytest.mark.long
 
-README, FILM = ((SOURCE / page).read_text() for page in ("README.md", "docs/tutorials/film.md"))
+README, GRAIN = ((SOURCE / page).read_text() for page in ("README.md", "docs/tutorials/grain.md"))
 
 NUMBER = r"(?<![\w-])\d+(?:\.\d+)?(?![\w%-])"
 
@@ -80,7 +80,7 @@ def test_the_quickstart_prints_this(process):
     done = process("run", SOURCE / "inputs" / "quickstart.nml")
     assert done.returncode == 0, done.stderr
     shown, printed = (
-        block("Elastic constants (GPa)", FILM).strip().splitlines(),
+        block("Elastic constants (GPa)", GRAIN).strip().splitlines(),
         done.stdout.strip().splitlines(),
     )
     assert [words(line) for line in printed] == [words(line) for line in shown]
@@ -93,7 +93,7 @@ def test_the_quickstart_prints_this(process):
     # Another processor's rounding leads to other draws, so that the loop may end one round earlier
     # or later: within the budget of 25.
     assert counts[0] == counts[1] and 15 < counts[0] <= 25 and counts[2:] == [0, 176]
-    assert 0.5 < loocv < 2 and mean < 0.3 and mean < largest < 1.5
+    assert 0.5 < loocv < 4 and mean < 0.3 and mean < largest < 1.5
     # The crystal of that largest sd is one of the posterior's: copper's log-anisotropy is 1.17.
     assert 0.5 < anisotropy < 2.5 and 0.25 < poisson < 0.45 and 40 < scale < 460
     begin = next(number for number, line in enumerate(shown) if line.startswith("phi1")) + 1

@@ -9,8 +9,7 @@ program test_fe
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: pi, wp
    use linear_algebra, only: cholesky_factor, symmetric_eigen
-   use basic_specimen, only: clamped_bottom, layers_of_ratio, mesh_plan_type, mesh_stage_type, &
-      & to_ball, to_cylinder
+   use basic_specimen, only: layers_of_ratio, mesh_plan_type, mesh_stage_type, to_ball, to_cylinder
    use random, only: new_random_stream, random_stream_type
    use sparse_cholesky, only: acquire_factor, analyse_pattern, cholesky_type, factorise, &
       & free_analysis, release_factor, retained_factor, solve_factored
@@ -108,9 +107,8 @@ contains
       call check('a brick turned inside out is not valid', .not. valid)
    end subroutine test_brick
 
-   !> Small plans that take in all that the generator can do: layers and a coarser surface; the same
-   !> around a film that ends inside the box, or where layers reach the interface; a grain that is a
-   !> ball, or a cylinder.
+   !> Small plans that take in all that the generator can do: layers and a coarser surface; a grain
+   !> that is a ball, or a cylinder.
    function small_plan(kind) result(plan)
       character(len=*), intent(in) :: kind
       type(mesh_plan_type) :: plan
@@ -120,25 +118,12 @@ contains
       plan%depth_cells = 2
       plan%half_width = 1.0_wp
       plan%depth = 0.9_wp
-      plan%closing = clamped_bottom
+      plan%is_clamped = .true.
       stage = layers_of_ratio(1.69_wp, 1.3_wp, 1.0_wp)
       select case (kind)
       case ('layers')
          plan%stages = [stage, layers_of_ratio(1.6_wp, 1.6_wp, 1.0_wp)]
          plan%stages(2)%coarsen = .true.
-      case ('thin film')
-         stage%plane = 0.9_wp
-         stage%material = 2
-         stage%coarsen = .true.
-         plan%stages = [mesh_stage_type(growth=2.0_wp, floor_levels=2, floor_depth=0.8_wp, &
-            & plane=0.9_wp, material=2), stage]
-      case ('thick film')
-         plan%stages = [stage, layers_of_ratio(1.6_wp, 1.6_wp, 1.0_wp)]
-         plan%stages(1)%coarsen = .true.
-         plan%stages(2)%plane = 0.9_wp*1.69_wp
-         plan%stages(2)%material = 2
-         plan%stages(2)%floor_levels = 1
-         plan%stages(2)%floor_depth = 1.2_wp
       case ('ball')
          plan%stages = [stage, layers_of_ratio(1.6_wp, 1.6_wp, 1.0_wp)]
          plan%stages(1)%shape = to_ball
@@ -157,8 +142,7 @@ contains
    !> Linear displacement is in equilibrium at all inner nodes of the meshes, hanging ones included,
    !> and materials fill what they should.
    subroutine test_mesh_patch()
-      character(len=*), parameter :: kinds(5) = ['layers    ', 'thin film ', 'thick film', &
-         & 'ball      ', 'cylinder  ']
+      character(len=*), parameter :: kinds(3) = ['layers  ', 'ball    ', 'cylinder']
       !> Of materials 1 and 2, um3.
       real(wp) :: expected(2)
       integer :: i
@@ -167,10 +151,6 @@ contains
          select case (kinds(i))
          case ('layers')
             expected = [4.0_wp*0.9_wp*(1.69_wp*1.6_wp)**3, 0.0_wp]
-         case ('thin film')
-            expected = 4.0_wp*1.69_wp**2*[0.9_wp, 0.8_wp*1.69_wp]
-         case ('thick film')
-            expected = 4.0_wp*(1.69_wp*1.6_wp)**2*[0.9_wp*1.69_wp, 1.2_wp*1.6_wp]
          case ('ball')
             ! Of many flat facets it would be 2/3 pi R3.
             expected = 2.0_wp/3.0_wp*pi*27.0_wp*[1.0_wp, 1.6_wp**3 - 1.0_wp]

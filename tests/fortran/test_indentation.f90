@@ -46,8 +46,6 @@ contains
       integer :: i
 
       settings = default_settings()
-      settings%specimen%thickness_um = 1.0_wp
-      settings%specimen%substrate_young_gpa = 100.0_wp
       settings%specimen%grain_radius_um = 2.0_wp
       allocate (names, source=split_list(geometry_names))
       do i = 1, size(names)
@@ -64,7 +62,7 @@ contains
       settings%indenter%contact_radius_um = 0.5_wp
       call new_indentation(settings, indenter, specimen, error)
       call check_refused('an unknown specimen', error, &
-         & "geometry: 'dome' is unknown; allowed: "//geometry_names)
+         & "geometry: 'dome' has no mesh; allowed: "//geometry_names)
    end subroutine test_specimens
 
    !> The default block is the paper's; others have their size, bricks of nearly equal edges under
@@ -383,9 +381,11 @@ contains
    end subroutine test_identity
 
    !> Every variable of the three groups is in the identity of some specimen and indenter, but for
-   !> those that change no result.
+   !> those of films, which are not simulated, and those that change no result.
    subroutine test_identity_is_complete()
-      character(len=3), parameter :: change_nothing(2) = ['vtu', 'inp']
+      character(len=19), parameter :: change_nothing(10) = [character(len=19) :: 'vtu', 'inp', &
+         & 'thickness_um', 'substrate', 'substrate_young_gpa', 'substrate_nu', &
+         & 'substrate_symmetry', 'substrate_constants', 'substrate_euler_deg', 'layers']
       character(len=len(geometry_names)), allocatable :: geometries(:)
       character(len=len(indenter_names)), allocatable :: shapes(:)
       character(len=:), allocatable :: identities
@@ -395,8 +395,6 @@ contains
 
       settings = default_settings()
       settings%specimen%matrix = 'isotropic'
-      settings%specimen%thickness_um = 1.0_wp
-      settings%specimen%substrate_young_gpa = 100.0_wp
       settings%specimen%grain_radius_um = 2.0_wp
       settings%specimen%grain_depth_um = 2.0_wp
       settings%specimen%matrix_young_gpa = 100.0_wp

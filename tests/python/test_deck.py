@@ -32,14 +32,6 @@ def block():
         {"geometry": "block", "refine": 0.65, "depths": 2, "shape": "sphere", "radius_um": 0.7},
         {"geometry": "block", "refine": 0.65, "depths": 1, "shape": "cone", "width_um": 6.0},
         {
-            "geometry": "film",
-            "refine": 0.55,
-            "depths": 2,
-            "thickness_um": 0.25,
-            "substrate_young_gpa": 160.0,
-            "element": "c3d8",
-        },
-        {
             "geometry": "grain",
             "refine": 0.55,
             "depths": 2,
@@ -51,7 +43,6 @@ def block():
         "half-space with springs and hanging nodes",
         "sphere on a block",
         "cone",
-        "film",
         "grain in its polycrystal",
     ],
 )
@@ -76,17 +67,18 @@ def test_calculix_solves_the_deck_to_the_same_curve(options, tmp_path):
     [
         (
             {
-                "geometry": "film",
-                "thickness_um": 0.3,
-                "substrate_young_gpa": 160.0,
-                "substrate_nu": 0.25,
+                "geometry": "grain",
+                "grain_radius_um": 2.0,
+                "matrix": "isotropic",
+                "matrix_young_gpa": 160.0,
+                "matrix_nu": 0.25,
             },
-            "the substrate, E = 160 GPa and nu = 0.25",
+            "the matrix around it, E = 160 GPa and nu = 0.25",
         ),
         ({"geometry": "grain", "grain_radius_um": 2.0}, "the matrix around it, E = "),
         ({"refine": 0.6}, None),
     ],
-    ids=["film", "grain", "half-space"],
+    ids=["matrix", "grain", "half-space"],
 )
 def test_the_header_of_a_deck_names_what_each_material_is(options, around):
     model = bi.Indentation(**({"refine": 0.6} | options))

@@ -29,7 +29,7 @@ def test_the_driver_gives_the_numbers_of_the_namelist(driver, tmp_path, capsys):
     """On a coarse mesh, with few simulations and short chains."""
     text = (SOURCE / "inputs" / "quickstart.nml").read_text()
     for old, new in (
-        ("data/copper_film.csv", str(SOURCE / "inputs" / "data" / "copper_film.csv")),
+        ("data/copper_grains.csv", str(SOURCE / "inputs" / "data" / "copper_grains.csv")),
         ("budget = 25", "budget = 8"),
         ("samples = 10000", "samples = 1000"),
         ("&design", "&simulation refine = 0.6 /\n&design"),

@@ -54,16 +54,17 @@ def problem_of(folder, rows, **groups):
         header=",".join(rows),
         comments="",
     )
-    film = {
-        "geometry": "film",
-        "thickness_um": 1,
+    grain = {
+        "geometry": "grain",
+        "grain_radius_um": 3,
         "estimator": "curve",
-        "substrate_young_gpa": 60,
-        "substrate_nu": 0.3,
+        "matrix": "isotropic",
+        "matrix_young_gpa": 60,
+        "matrix_nu": 0.3,
     }
     asked = {
         "problem": {"symmetry": "cubic", "seed": 4},
-        "specimen": film,
+        "specimen": grain,
         "simulation": {"simulator": "import"},
         "design": {"budget": 60},
         "measurements": {"file": str(file), "modulus_kind": "indentation_modulus"},

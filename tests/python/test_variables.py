@@ -81,6 +81,27 @@ def simulated(folder, groups):
     return found.indentation_modulus_gpa, found.elements, found.force_mn.tolist()
 
 
+def film(folder, groups):
+    """The modulus of a film by theory."""
+    flat = {name: value for values in groups.values() for name, value in values.items()}
+    flat.pop("geometry")
+    return float(bi.film_modulus(COPPER, [10, 20, 30], **flat))
+
+
+def layered(folder, groups):
+    """The modulus of a film whose layers are in a file."""
+    folder.mkdir(exist_ok=True)
+    (folder / "layers.csv").write_text(
+        "layer,thickness_um,young_gpa,nu\noxide,0.1,300,0.2\ncrystal,,,\n"
+    )
+    if "layers" in groups["specimen"]:
+        groups = {"specimen": {"geometry": "film", "layers": "layers.csv"}}
+    defaults = {"problem": {"symmetry": "cubic"}, "crystals": {"points": "points.csv"}}
+    problem = written(folder, merged(defaults, groups))
+    assert main(["theory", str(problem.path), "--output", str(folder / "out")]) == 0
+    return (folder / "out" / "theory.csv").read_text()
+
+
 def files(folder, groups):
     """What `simulate` leaves."""
     defaults = {
@@ -339,6 +360,14 @@ def merged(groups: dict, more: dict) -> dict:
 OF_A_CRYSTAL = {"curves": {"tests": "copper_tests.csv"}, "references": {"crystals": "points.csv"}}
 BLOCK = {"specimen": {"geometry": "block"}, "simulation": {"refine": 0.66}}
 FILM = {"specimen": {"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 160.0}}
+ON_CRYSTAL = {
+    "specimen": {
+        "geometry": "film",
+        "thickness_um": 1.0,
+        "substrate_symmetry": "cubic",
+        "substrate_constants": [350.0, 68.0, 101.0],
+    }
+}
 GRAIN = {
     "specimen": {
         "geometry": "grain",
@@ -402,17 +431,17 @@ EFFECTS = {
     },
     "specimen": {
         "geometry": (simulated, {"simulation": {"refine": 0.66}}, "block"),
-        "estimator": (simulated, FILM, "stiffness_hertz"),
+        "estimator": (film, FILM, "stiffness_hertz"),
         "width_um": (simulated, BLOCK, 7.0),
         "height_um": (simulated, BLOCK, 4.0),
-        "thickness_um": (simulated, FILM, 2.0),
-        "substrate": (
-            simulated,
-            {"specimen": {"geometry": "film", "thickness_um": 1.0, "substrate_young_gpa": 160.0}},
-            "rigid",
-        ),
-        "substrate_young_gpa": (simulated, FILM, 80.0),
-        "substrate_nu": (simulated, FILM, 0.2),
+        "thickness_um": (film, FILM, 2.0),
+        "substrate": (film, FILM, "rigid"),
+        "substrate_young_gpa": (film, FILM, 80.0),
+        "substrate_nu": (film, FILM, 0.2),
+        "substrate_symmetry": None,  # test_films: it goes with its constants
+        "substrate_constants": (film, ON_CRYSTAL, [300.0, 68.0, 101.0]),
+        "substrate_euler_deg": (film, ON_CRYSTAL, [0.0, 45.0, 0.0]),
+        "layers": (layered, FILM, "layers.csv"),
         "grain_radius_um": (simulated, GRAIN, 3.0),
         "grain_depth_um": (simulated, GRAIN, 3.0),
         "matrix": (

@@ -60,6 +60,27 @@ class IndentationResult:
     warning: str
 
 
+@takes(*GROUPS, without=(*NOT_OURS, "geometry"))
+def film_modulus(
+    stiffness: ArrayLike, euler_deg: ArrayLike, *, threads: int = 1, **settings: Any
+) -> np.ndarray:
+    """Exact indentation modulus in GPa of crystals as films, by the theory of layers.
+
+    Parameters
+    ----------
+    stiffness : array_like
+        Shape (..., 6, 6), GPa, crystal axes.
+    euler_deg : array_like
+        Bunge-Euler angles, shape (..., 3), degrees; the two broadcast.
+    threads : int, default 1
+        Threads that share the crystals.
+    """
+    rows, shape = crystal_rows(stiffness, euler_deg)
+    film = grouped({"geometry": "film", **settings}, GROUPS)
+    problem = Problem.from_keywords("bi.film_modulus", **film)
+    return problem._call("film", **rows, threads=threads)["values"][0].reshape(shape)
+
+
 class Indentation(NativeObject):
     """A mesh with its solver, ready to indent any crystal; threads may share it.
 

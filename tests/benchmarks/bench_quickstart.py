@@ -1,5 +1,5 @@
-"""The quickstart's copper film over many draws of the noise: do the intervals of what indentation
-sees cover the truth?
+"""The quickstart's embedded grains over many draws of the noise: do the intervals of what
+indentation sees cover the truth? With --data, the file of its moduli is made anew.
 
 The correction is the quickstart's. The moduli without noise are simulated once with the finer
 elements that its data were made with. For each draw Step 2 is done twice, with the correction and
@@ -33,14 +33,20 @@ SD_GPA = 2.0
 def main(argv=None) -> int:
     """Simulate, sample, tabulate."""
     parser = argparse.ArgumentParser(
-        prog="bench film", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="bench quickstart",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--draws", type=int, default=200, help="draws of the noise (200)")
     parser.add_argument("--workers", type=int, default=0, help="threads (0: all cores)")
-    parser.add_argument("--output", type=Path, default=Path("runs/film"), help="folder (runs/film)")
+    parser.add_argument("--output", type=Path, default=Path("runs/bench_quickstart"))
+    parser.add_argument("--data", type=Path, help="write the quickstart's moduli, and end")
     arguments = parser.parse_args(argv)
     arguments.output.mkdir(parents=True, exist_ok=True)
     show_progress(True)
+    if arguments.data:
+        write_data(arguments)
+        return 0
     surrogate = bi.Surrogate.load(build(Problem(QUICKSTART, "build"), arguments.output)["file"])
     angles, modulus = without_noise(arguments)
     truth = halfspace_modulus(
@@ -85,9 +91,7 @@ def main(argv=None) -> int:
 
 
 def without_noise(arguments) -> tuple[np.ndarray, np.ndarray]:
-    """Angles (n, 3) of the quickstart's grains, and their moduli (n,) in GPa in the film of
-    copper.
-    """
+    """Angles (n, 3) of the quickstart's grains, and their moduli (n,) in GPa."""
     namelist = f90nml.read(QUICKSTART)
     angles = read_measurements(
         QUICKSTART.parent / namelist["measurements"].pop("file"),
@@ -96,12 +100,27 @@ def without_noise(arguments) -> tuple[np.ndarray, np.ndarray]:
     ).euler_deg
     file = arguments.output / "without_noise.txt"
     if not file.exists():
-        film = Indentation(**namelist["specimen"], refine=1.5, extrapolate=True)
-        results = film.run_many(
+        grain = Indentation(**namelist["specimen"], refine=1.5, extrapolate=True)
+        results = grain.run_many(
             stiffness_rows("cubic", len(angles) * [TRUTH]), angles, workers=arguments.workers
         )
         np.savetxt(file, [result.indentation_modulus_gpa for result in results])
     return angles, np.loadtxt(file)
+
+
+def write_data(arguments) -> None:
+    """Write the moduli of the quickstart, with one draw of the noise."""
+    angles, modulus = without_noise(arguments)
+    noisy = modulus + np.random.default_rng(11).normal(0, SD_GPA, len(modulus))
+    rows = np.column_stack([angles, noisy, np.full(len(noisy), SD_GPA)])
+    header = (
+        f"# synthetic: copper, {TRUTH} GPa, as the &specimen of quickstart.nml by finite elements "
+        f"(refine = 1.5, extrapolate = .true.) plus N(0, {SD_GPA} GPa) noise; made by "
+        "./bayesindent bench quickstart --data FILE\n"
+        "phi1_deg,Phi_deg,phi2_deg,indentation_modulus_gpa,sd_gpa"
+    )
+    formats = ["%.4f", "%.4f", "%.4f", "%.3f", "%.2f"]
+    np.savetxt(arguments.data, rows, formats, ",", header=header, comments="")
 
 
 def seen(angles, modulus, surrogate, seed: int, arguments) -> list[list[float]]:

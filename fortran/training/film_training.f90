@@ -1,0 +1,300 @@
+!> Training of the correction of a film on exact values, without simulations.
+!>
+!> The exact modulus of a film takes milliseconds, too long for a density that is evaluated millions
+!> of times. A correction is therefore trained on some thousand values: first over a broad region
+!> about the isotropic crystal that has the mean measurement, then round by round at the crystals of
+!> the posterior, which is sampled with the correction so far and its uncertainty.
+module film_training
+   use abstract_basis, only: basis_type
+   use bases, only: new_basis
+   use constants_posterior, only: posterior_type
+   use crystal_elasticity, only: isotropic_stiffness, logarithmic_mean
+   use detected_speeds, only: draw_aside
+   use errors, only: error_type
+   use evidence_regression, only: add_data
+   use film_theory, only: film_type, indent_films, young_of_film
+   use indenters, only: indenter_type, new_indenter
+   use kinds, only: degree, i8, wp
+   use observables, only: new_observable, observable_type
+   use posterior_focus, only: accurate_z, changes_of_variance, extend
+   use problem, only: problem_type
+   use problem_posterior, only: run_type
+   use progress, only: advance_progress, begin_progress, end_progress
+   use random, only: new_random_stream, random_stream_type
+   use settings_schema, only: surrogate_settings_type
+   use surrogate_domain, only: complete_domain, domain_type, spread_crystals
+   use surrogate_learner, only: fit_learner, learner_type, new_learner, surrogate_of
+   use surrogate_model, only: predict_crystals, simulations_type, surrogate_type
+   use variance_shares, only: find_shares, from_surrogate, shares_type
+   implicit none
+   private
+   public :: train_film, plan_film
+
+   !> Numbers of values over the broad region, and in each round at draws of the posterior and over
+   !> the domain, which holds all draws.
+   integer, parameter :: n_broad = 400, n_drawn = 400, n_spread = 100, most_rounds = 6
+   !> Chains of the posterior of a round.
+   type(run_type), parameter :: pilot = run_type(1500, 500, 2, 7000001)
+   !> Noise of values over the domain, relative to that of draws. These values keep the correction
+   !> from going astray far from the posterior, and do not limit its accuracy there.
+   real(wp), parameter :: coarse_noise = 30.0_wp
+   !> Greatest share of the correction in the variance of each constant.
+   real(wp), parameter :: accurate_share = 0.01_wp
+   !> Greatest share of crystals of a round that theory cannot indent.
+   real(wp), parameter :: most_failed = 0.5_wp
+   !> The broad region: greatest log-anisotropy, range of Poisson's ratio, and factor on the scale.
+   real(wp), parameter :: broad_anisotropy = 2.5_wp, broad_poisson(2) = [0.05_wp, 0.45_wp], &
+      & broad_scale = 3.0_wp, typical_poisson = 0.3_wp
+
+   type :: training_type
+      type(problem_type), pointer :: problem => null()
+      !> The exact values, and the noise of each, relative to that of draws.
+      type(simulations_type) :: known
+      real(wp), allocatable :: noise(:)
+      !> Contains all values.
+      type(domain_type) :: domain
+      !> Trained on the values so far.
+      type(surrogate_type) :: surrogate
+   end type training_type
+
+contains
+
+   !> A problem with the measurements that &plan expects to be least precise, without their errors.
+   subroutine plan_film(problem, planned, error)
+      type(problem_type), intent(in) :: problem
+      type(problem_type), intent(out) :: planned
+      type(error_type), allocatable, intent(out) :: error
+      type(film_type), allocatable :: films(:)
+      type(observable_type) :: observable
+      integer :: i, n
+
+      planned = problem
+      if (allocated(planned%measurements)) deallocate (planned%measurements)
+      allocate (planned%measurements)
+      associate (model => planned%settings%measurements, plan => problem%settings%plan, &
+         & points => planned%measurements)
+         if (.not. allocated(model%modulus_kind)) model%modulus_kind = 'indentation_modulus'
+         call new_observable(model%modulus_kind, model, observable, error)
+         if (allocated(error)) return
+         n = nint(minval(plan%grains))
+         points%n = n
+         points%euler_deg = directions(problem%settings%problem%seed, 0, n)
+         allocate (films(n), points%paths(n))
+         call indent_films(problem, problem%class%stiffnesses(spread(plan%constants, 2, n)), &
+            & points%euler_deg, problem%threads(), films, error)
+         points%modulus_gpa = films%modulus
+         call observable%to_measured(points%modulus_gpa)
+         points%sd_gpa = maxval(plan%noise)*points%modulus_gpa
+         points%orientation_sd_deg = spread(-1.0_wp, 1, n)
+         points%group = spread(1, 1, n)
+         points%row = [(i, i=1, n)]
+      end associate
+      if (allocated(planned%shared_errors)) deallocate (planned%shared_errors)
+   end subroutine plan_film
+
+   !> Angles, degrees, (3, n), of directions that are uniform over the sphere.
+   function directions(seed, number, n) result(euler_deg)
+      !> Of the random stream; of the directions.
+      integer, intent(in) :: seed, number, n
+      real(wp) :: euler_deg(3, n), u(3)
+      type(random_stream_type) :: stream
+      integer :: i, k
+
+      stream = new_random_stream(seed, number)
+      do i = 1, n
+         do k = 1, 3
+            call stream%uniform(u(k))
+         end do
+         euler_deg(:, i) = [360.0_wp*u(1), acos(1.0_wp - 2.0_wp*u(2))/degree, 360.0_wp*u(3)]
+      end do
+   end function directions
+
+   !> Train the correction of a film where the posterior of the problem is.
+   subroutine train_film(problem, surrogate, error)
+      type(problem_type), intent(in), target :: problem
+      type(surrogate_type), intent(out) :: surrogate
+      type(error_type), allocatable, intent(out) :: error
+      type(training_type) :: self
+      type(posterior_type) :: posterior
+      real(wp), allocatable :: draws(:, :), share(:)
+      real(wp) :: z
+      integer :: round
+
+      self%problem => problem
+      call begin_progress('exact values of the film', int(n_broad + most_rounds*(n_drawn &
+         & + n_spread), i8))
+      call find_broad(self, error)
+      if (.not. allocated(error)) call add_spread(self, n_broad, 0, error)
+      if (.not. allocated(error)) call fit(self, error)
+      do round = 1, most_rounds
+         if (allocated(error)) exit
+         call draw_aside(problem, problem%settings%measurements, self%surrogate, pilot, posterior, &
+            & draws, error)
+         if (allocated(error)) exit
+         call find_share(posterior, draws, problem%threads(), share, error)
+         if (.not. allocated(error)) call add_draws(self, posterior, draws, round, z, error)
+         if (.not. allocated(error)) call add_spread(self, n_spread, round, error)
+         if (.not. allocated(error)) call fit(self, error)
+         if (allocated(error)) exit
+         if (all(share <= accurate_share) .and. z <= accurate_z) exit
+      end do
+      call end_progress()
+      surrogate = self%surrogate
+   end subroutine train_film
+
+   !> Set the domain to the broad region about the isotropic crystal with the mean measurement.
+   subroutine find_broad(self, error)
+      type(training_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(observable_type) :: observable
+      real(wp) :: poisson, anisotropy, scale, young
+
+      associate (problem => self%problem, model => self%problem%settings%measurements, &
+         & domain => self%domain)
+         call new_observable(model%modulus_kind, model, observable, error)
+         if (allocated(error)) return
+         young = sum(problem%measurements%modulus_gpa)/size(problem%measurements%modulus_gpa)
+         young = young_of_film(problem, young/max(observable%factor &
+            & - observable%compliance*young, 1.0e-3_wp), typical_poisson)
+         call logarithmic_mean(isotropic_stiffness(young, typical_poisson), poisson, anisotropy, &
+            & scale)
+         domain%log_anisotropy_max = broad_anisotropy
+         domain%poisson = broad_poisson
+         domain%stiffness = scale*[1.0_wp/broad_scale, broad_scale]
+         call complete_domain(problem%class%name, domain, error)
+         domain%is_extended = .true.
+         associate (known => self%known)
+            allocate (known%constants(problem%class%n_constants, 0), known%euler_deg(3, 0), &
+               & known%modulus(0), self%noise(0))
+         end associate
+      end associate
+   end subroutine find_broad
+
+   !> Find the share of the correction in the variance of each constant. Grains of unknown
+   !> orientation have none.
+   subroutine find_share(posterior, draws, threads, share, error)
+      type(posterior_type), intent(in) :: posterior
+      !> (parameter, draw).
+      real(wp), intent(in) :: draws(:, :)
+      integer, intent(in) :: threads
+      real(wp), allocatable, intent(out) :: share(:)
+      type(error_type), allocatable, intent(out) :: error
+      type(shares_type), allocatable :: shares(:)
+      integer :: i
+
+      share = spread(0.0_wp, 1, posterior%n_constants)
+      if (allocated(posterior%unknown)) return
+      call find_shares(posterior, draws, draws(:size(share), :), real(size(draws, 2), wp), &
+         & threads, shares, error)
+      if (allocated(error)) return
+      share = max([(shares(i)%by_source(from_surrogate), i=1, size(share))], &
+         & changes_of_variance(posterior, draws, size(share), threads))
+   end subroutine find_share
+
+   !> Add values at crystals that are spread over the domain.
+   subroutine add_spread(self, n, number, error)
+      type(training_type), intent(inout) :: self
+      !> Of crystals; of the random stream.
+      integer, intent(in) :: n, number
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: constants(:, :), euler_deg(:, :)
+
+      call spread_crystals(self%domain, n, self%problem%settings%problem%seed + number, constants, &
+         & euler_deg, error)
+      if (.not. allocated(error)) then
+         call add_values(self, constants, euler_deg, coarse_noise, error)
+      end if
+   end subroutine add_spread
+
+   !> Add values at crystals of the posterior, half of them in the orientations of the grains, and
+   !> extend the domain to these crystals.
+   subroutine add_draws(self, posterior, draws, round, z, error)
+      type(training_type), intent(inout) :: self
+      type(posterior_type), intent(in) :: posterior
+      !> (parameter, draw).
+      real(wp), intent(in) :: draws(:, :)
+      integer, intent(in) :: round
+      !> Root mean square of (exact - predicted)/sd.
+      real(wp), intent(out) :: z
+      type(error_type), allocatable, intent(out) :: error
+      real(wp) :: euler_deg(3, n_drawn)
+      real(wp), allocatable, dimension(:) :: modulus, sd
+      integer :: before, i
+
+      euler_deg = directions(self%problem%settings%problem%seed, round, n_drawn)
+      do i = 1, n_drawn, 2
+         if (allocated(posterior%unknown)) exit
+         associate (grains => self%problem%measurements%euler_deg)
+            euler_deg(:, i) = grains(:, 1 + mod(i/2, size(grains, 2)))
+         end associate
+      end do
+      before = size(self%known%modulus)
+      call add_values(self, draws(:posterior%n_constants, &
+         & [(1 + (i - 1)*size(draws, 2)/n_drawn, i=1, n_drawn)]), euler_deg, 1.0_wp, error)
+      if (allocated(error)) return
+      associate (crystals => self%problem%class%stiffnesses(self%known%constants(:, before + 1:)), &
+         & exact => self%known%modulus(before + 1:))
+         allocate (modulus(size(exact)), sd(size(exact)))
+         call predict_crystals(self%surrogate, crystals, &
+            & degree*self%known%euler_deg(:, before + 1:), self%problem%threads(), modulus, sd, &
+            & error)
+         if (allocated(error)) return
+         z = norm2((exact - modulus)/sd)/sqrt(real(size(exact), wp))
+         call extend(self%domain, crystals)
+      end associate
+   end subroutine add_draws
+
+   !> Compute exact values. Crystals that theory cannot indent are left out.
+   subroutine add_values(self, constants, euler_deg, noise, error)
+      type(training_type), intent(inout) :: self
+      !> GPa, (n_constants, n); degrees, (3, n); noise of the values, relative to that of draws.
+      real(wp), intent(in) :: constants(:, :), euler_deg(:, :), noise
+      type(error_type), allocatable, intent(out) :: error
+      type(film_type) :: films(size(constants, 2))
+      integer, allocatable :: made(:)
+      integer :: i, n
+
+      call indent_films(self%problem, self%problem%class%stiffnesses(constants), euler_deg, &
+         & self%problem%threads(), films, error)
+      made = pack([(i, i=1, size(films))], films%modulus > 0.0_wp)
+      if (size(made) < (1.0_wp - most_failed)*size(films)) return
+      if (allocated(error)) deallocate (error)
+      call advance_progress(int(size(films), i8))
+      associate (known => self%known)
+         n = size(known%modulus) + size(made)
+         known%constants = reshape(known%constants, [size(constants, 1), n], constants(:, made))
+         known%euler_deg = reshape(known%euler_deg, [3, n], euler_deg(:, made))
+         known%modulus = [known%modulus, films(made)%modulus]
+         self%noise = [self%noise, spread(noise, 1, size(made))]
+      end associate
+   end subroutine add_values
+
+   !> Fit the correction to all values.
+   subroutine fit(self, error)
+      type(training_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+      type(surrogate_settings_type) :: settings
+      class(basis_type), allocatable :: basis
+      type(learner_type) :: learner
+      class(indenter_type), allocatable :: indenter
+      real(wp), allocatable :: terms(:, :), scale(:), growth(:)
+
+      settings%model = 'film'
+      settings%degree = 3
+      call new_basis(self%domain, settings, basis, error)
+      if (.not. allocated(error)) call new_learner(basis, learner, error)
+      if (allocated(error)) return
+      learner%simulations = self%known
+      call basis%evaluate_crystals(self%known%constants, self%known%euler_deg, terms, scale, growth)
+      associate (y => basis%to_y(self%known%modulus, scale, growth))
+         call add_data(learner%design%regression, terms/spread(self%noise, 1, size(terms, 1)), &
+            & y/self%noise)
+      end associate
+      call fit_learner(learner, error)
+      if (.not. allocated(error)) call surrogate_of(learner, '{}', self%surrogate, error)
+      if (.not. allocated(error)) then
+         call new_indenter(self%problem%settings%indenter, indenter, error)
+      end if
+      if (.not. allocated(error)) self%surrogate%contact_radius = indenter%contact_radius
+   end subroutine fit
+end module film_training
