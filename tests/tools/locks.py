@@ -30,11 +30,9 @@ def write_locks() -> None:
     extras = settings["project"]["optional-dependencies"]
     build = settings["build-system"]["requires"]
     versions = resolved([*build, *run, *(name for names in extras.values() for name in names)])
-    wanted = {"build": set(), "run": set()}
-    wanted["build"] = resolved(build, versions).keys()
-    wanted["run"] = resolved(run, versions).keys()
+    wanted = {"build": {*resolved(build, versions)}, "run": {*resolved(run, versions)}}
     for extra, names in extras.items():
-        wanted[extra] = resolved([*run, *names], versions).keys() - wanted["run"]
+        wanted[extra] = {*resolved([*run, *names], versions)} - wanted["run"]
     FOLDER.mkdir(exist_ok=True)
     for name, packages in wanted.items():
         text = "".join(versions[package] for package in sorted(packages))
@@ -50,7 +48,7 @@ def resolved(requirements: list[str], versions: dict[str, str] | None = None) ->
         wanted, constraints = Path(folder, "wanted.in"), Path(folder, "constraints.txt")
         wanted.write_text("\n".join(requirements))
         constraints.write_text("".join((versions or {}).values()))
-        command = [
+        command: list[str | Path] = [
             *(TOOLS / "uv", "pip", "compile", "--quiet", "--universal", "--python-version", "3.10"),
             *("--generate-hashes", "--no-annotate", "--no-header"),
             *("--constraint", str(constraints), str(wanted)),
