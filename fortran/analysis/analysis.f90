@@ -23,6 +23,7 @@ module analysis
    use problem_posterior, only: free_run, new_table_posterior, &
       & pilot_run, prior_run, sample_aside, sample_posterior, theory_run
    use quantities, only: evaluate_draws, quantity_type, reported_quantities
+   use rivals, only: compare_rivals, diagnosis_type
    use samplers, only: chains_type
    use statistics, only: flattened, moments, thinned
    use surrogate_model, only: new_theory_surrogate, predict_crystals, surrogate_type
@@ -63,6 +64,8 @@ module analysis
       type(predictions_type) :: predictions
       type(checks_type) :: checks
       type(orientation_check_type) :: orientations
+      !> Other models of the same measurements.
+      type(diagnosis_type) :: diagnosis
       !> The limits of the support, and the results with other priors.
       type(limit_type), allocatable :: limits(:)
       type(change_type), allocatable :: changes(:)
@@ -218,6 +221,7 @@ contains
       !> (parameter, draw), (quantity, draw), (combination, draw).
       real(wp), allocatable :: draws(:, :), prior_draws(:, :), values(:, :), prior_values(:, :), &
          & logarithms(:, :)
+      real(wp) :: t0, t1
       integer :: k, n, threads
 
       threads = self%problem%threads()
@@ -236,6 +240,12 @@ contains
          call find_maximum(posterior, chains, self%most_probable)
          call check_orientations(posterior, self%most_probable, self%problem%misread, &
             & self%problem%measurements%of_row, self%orientations, error)
+         if (allocated(error)) return
+         call cpu_time(t0)
+         call compare_rivals(self%problem, self%surrogate, posterior, chains, &
+            & self%most_probable, self%diagnosis, error)
+         call cpu_time(t1)
+         print *, 'DEBUG cpu', t1 - t0
          if (allocated(error)) return
          draws = flattened(chains%draws(:, ::self%predictions%stride, :))
          prior_draws = flattened(self%prior_chains%draws(:, ::thinning(self%prior_chains, 1), :))

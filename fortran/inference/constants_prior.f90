@@ -8,14 +8,14 @@
 !> measurement. Single bounds and a cap on Eq. 14 truncate the prior.
 module constants_prior
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: anisotropy_index, is_stable
+   use crystal_elasticity, only: anisotropy_index, is_stable, kelvin_form
    use errors, only: error_type, refuse
-   use kinds, only: wp
+   use kinds, only: pi, wp
    use linear_algebra, only: cholesky_factor
    use logarithmic_coordinates, only: log_coordinates_type, new_log_coordinates
    use quantities, only: evaluate_quantities, quantity_type
    use random, only: new_random_stream, random_stream_type
-   use small_matrices, only: solve_lower
+   use small_matrices, only: factor_definite, solve_lower
    use surrogate_domain, only: domain_type
    use settings_schema, only: prior_settings_type
    use text, only: to_text
@@ -69,7 +69,8 @@ module constants_prior
       !> The surrogate's domain of validity.
       type(domain_type), allocatable :: domain
    contains
-      procedure :: admits, log_density, measure, draw_start, is_drawn, has_bound, set_knowledge
+      procedure :: admits, log_density, log_mass, measure, draw_start, is_drawn, has_bound, &
+         & is_cut, without_limits, set_knowledge
    end type prior_type
 
    !> Number of crystals that are drawn to estimate the share of the prior for which the surrogate
@@ -228,6 +229,76 @@ contains
 
       has_bound = self%lower(j) > absent_lower .or. self%upper(j) < absent_upper
    end function has_bound
+
+   !> Whether stated bounds or a cap limit the support.
+   pure logical function is_cut(self)
+      class(prior_type), intent(in) :: self
+      integer :: j
+
+      is_cut = self%anisotropy_cap < huge(1.0_wp) &
+         & .or. any([(self%has_bound(j), j=1, self%n_constants)])
+   end function is_cut
+
+   !> The default prior with the same knowledge and without stated limits.
+   pure type(prior_type) function without_limits(self) result(other)
+      class(prior_type), intent(in) :: self
+
+      other = self
+      other%lower = absent_lower
+      other%upper = absent_upper
+      other%anisotropy_cap = huge(1.0_wp)
+      other%has_default = .true.
+      other%in_logarithms = .true.
+      other%share_drawn = 1.0_wp
+   end function without_limits
+
+   !> Logarithm of the integral over the working coordinates of the density without the normal
+   !> factors of the knowledge, as `log_density` and `log_volume` give it. The evidence of a model
+   !> is divided by it.
+   real(wp) function log_mass(self)
+      class(prior_type), intent(in) :: self
+      !> Draws for the volume of bounds in log K.
+      integer, parameter :: volume_draws = 5000
+      type(random_stream_type) :: stream
+      real(wp) :: matrix(self%n_constants, self%n_constants), x(self%n_constants), volume, offset
+      integer :: i, j, k
+
+      if (self%has_default) then
+         ! A normal density in contrast and scale, whose Jacobian is 1/sqrt 5, and Student's t.
+         k = self%n_constants - 2
+         log_mass = log(2.0_wp*pi*sqrt(5.0_wp)*contrast_sd*scale_sd) + log(self%share_drawn)
+         if (k > 0) log_mass = log_mass + log_gamma(0.5_wp*freedom) &
+            & - log_gamma(0.5_wp*(freedom + k)) &
+            & + 0.5_wp*k*log(freedom*pi*anisotropy_scale**2/k)
+         return
+      end if
+      ! The constant that `log_volume` leaves out: at K = 1 the derivative of log K is that of K.
+      do k = 1, self%n_constants
+         x = 0.0_wp
+         x(k) = 1.0_wp
+         do j = 1, self%n_constants
+            matrix(j, k) = sum(self%logarithms%basis(:, :, j)*kelvin_form(self%class%stiffness(x)))
+         end do
+      end do
+      matrix = matmul(transpose(matrix), matrix)
+      call factor_definite(matrix, 0.0_wp)
+      x = 0.0_wp
+      offset = -sum([(log(matrix(k, k)), k=1, size(x))]) - self%logarithms%log_volume(x)
+      log_mass = sum(log(self%upper - self%lower)) - offset
+      if (.not. self%in_logarithms) then
+         log_mass = log_mass + log(self%share_drawn)
+         return
+      end if
+      stream = new_random_stream(1, 1)
+      volume = 0.0_wp
+      do i = 1, volume_draws
+         call self%draw_start(stream, x)
+         if (.not. self%admits(x, self%class%stiffness(x))) cycle
+         volume = volume + exp(-self%logarithms%log_volume( &
+            & self%logarithms%to_logarithms(self%class%stiffness(x))))
+      end do
+      log_mass = log_mass + log(volume/volume_draws)
+   end function log_mass
 
    !> Whether a crystal is in the support.
    pure logical function admits(self, x, c, anisotropy)

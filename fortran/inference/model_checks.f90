@@ -31,7 +31,7 @@ module model_checks
    use statistics, only: covariance_of, flattened
    implicit none
    private
-   public :: checks_type, check_model, evidence_type, estimate_evidence
+   public :: checks_type, check_model, evidence_type, estimate_evidence, log_integral
 
    type :: checks_type
       !> Logarithm of the density of a measurement (1/GPa) given the constants and all other

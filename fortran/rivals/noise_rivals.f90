@@ -1,0 +1,203 @@
+!> Rivals of the noise: sds that are wrong by a common factor, grains that differ in more than their
+!> orientation, outliers, and grains of a second phase.
+module noise_rivals
+   use error_models, only: error_model_type
+   use errors, only: error_type
+   use files, only: printable
+   use kinds, only: pi, wp
+   use rival_cases, only: case_type, change_model, rival_type
+   use settings_schema, only: measurements_settings_type
+   use text, only: fixed, to_text
+   implicit none
+   private
+   public :: make_scale, make_scatter, make_outliers, make_phases, name_outliers
+
+   !> Errors of which a share is of another, wider distribution.
+   type, extends(error_model_type) :: outlier_errors_type
+      !> Share of the outliers, and the sd of their errors, in sds of the noise.
+      real(wp) :: share = 0.1_wp, width = 10.0_wp
+   contains
+      procedure :: log_density => outlier_log_density, weigh => outlier_weigh, &
+         & as_normals => outlier_as_normals, probability
+   end type outlier_errors_type
+
+   !> Grains of which a share is of a second phase.
+   type, extends(error_model_type) :: phase_errors_type
+      !> Share of the second phase, its moduli relative to those of the first, and the relative sd
+      !> of that.
+      real(wp) :: share = 0.3_wp, ratio = 1.0_wp, width = 0.05_wp
+      !> Measurements in units of their scales, (grain).
+      real(wp), allocatable :: measured(:)
+   contains
+      procedure :: log_density => phase_log_density
+   end type phase_errors_type
+
+   real(wp), parameter :: scatters(5) = [0.01_wp, 0.02_wp, 0.04_wp, 0.08_wp, 0.16_wp]
+   real(wp), parameter :: shares(3) = [0.05_wp, 0.15_wp, 0.4_wp]
+   !> sd of an outlier, relative to the mean modulus.
+   real(wp), parameter :: outlier_sd = 0.4_wp
+   real(wp), parameter :: ratios(8) = [0.5_wp, 0.6_wp, 0.7_wp, 0.8_wp, 1.25_wp, 1.43_wp, 1.67_wp, &
+      & 2.0_wp]
+
+contains
+
+   !> The sds times an inferred factor.
+   subroutine make_scale(case, k, rival, error)
+      type(case_type), intent(in) :: case
+      integer, intent(in) :: k
+      type(rival_type), intent(out) :: rival
+      type(error_type), allocatable, intent(out) :: error
+      type(measurements_settings_type) :: settings
+
+      if (k > 1) return
+      rival%explanation = 'sds that are wrong by a common factor'
+      rival%remedy = 'scale = ''inferred'''
+      if (case%stated%infers_scale) return
+      settings = case%stated%settings
+      settings%scale = 'inferred'
+      call change_model(case, case%stated%data, settings, rival, error)
+   end subroutine make_scale
+
+   !> A scatter k between grains.
+   subroutine make_scatter(case, k, rival, error)
+      type(case_type), intent(in) :: case
+      integer, intent(in) :: k
+      type(rival_type), intent(out) :: rival
+      type(error_type), allocatable, intent(out) :: error
+      type(measurements_settings_type) :: settings
+
+      if (k > size(scatters)) return
+      rival%explanation = 'grains that differ by about '//fixed(100.0_wp*scatters(k), 0) &
+         & //' % beyond their orientation'
+      rival%remedy = 'scatter_sd = '//to_text(scatters(k), 2)
+      settings = case%stated%settings
+      if (settings%scatter_sd >= scatters(k)) return
+      settings%scatter_sd = scatters(k)
+      call change_model(case, case%stated%data, settings, rival, error)
+   end subroutine make_scatter
+
+   !> Outliers with the share k.
+   subroutine make_outliers(case, k, rival, error)
+      type(case_type), intent(in) :: case
+      integer, intent(in) :: k
+      type(rival_type), intent(out) :: rival
+      type(error_type), allocatable, intent(out) :: error
+      type(measurements_settings_type) :: settings
+
+      if (k > size(shares)) return
+      rival%explanation = 'outliers'
+      rival%remedy = 'likelihood = ''student'''
+      settings = case%stated%settings
+      settings%likelihood = 'normal'
+      call change_model(case, case%stated%data, settings, rival, error)
+      if (allocated(error)) return
+      associate (posterior => rival%posterior, data => case%stated%data)
+         deallocate (posterior%errors)
+         allocate (posterior%errors, source=outlier_errors_type(share=shares(k), &
+            & width=outlier_sd*sum(data%modulus)/sum(data%sd)))
+      end associate
+   end subroutine make_outliers
+
+   !> A second phase with the ratio k.
+   subroutine make_phases(case, k, rival, error)
+      type(case_type), intent(in) :: case
+      integer, intent(in) :: k
+      type(rival_type), intent(out) :: rival
+      type(error_type), allocatable, intent(out) :: error
+      type(measurements_settings_type) :: settings
+      type(phase_errors_type), allocatable :: errors
+
+      if (k > size(ratios)) return
+      rival%explanation = 'grains of a second phase, about '//fixed(ratios(k), 1) &
+         & //' times as stiff'
+      rival%remedy = ''
+      settings = case%stated%settings
+      settings%likelihood = 'normal'
+      if (case%stated%n_shared > 0 .or. case%stated%infers_scale) return
+      call change_model(case, case%stated%data, settings, rival, error)
+      if (allocated(error)) return
+      allocate (errors)
+      errors%ratio = ratios(k)
+      errors%measured = case%stated%data%modulus/case%stated%data%sd
+      deallocate (rival%posterior%errors)
+      call move_alloc(errors, rival%posterior%errors)
+   end subroutine make_phases
+
+   !> Name the outliers in the explanation of a rival, given the point of its maximum: grains that
+   !> are more probably outliers than not.
+   subroutine name_outliers(case, rival, x)
+      type(case_type), intent(in) :: case
+      type(rival_type), intent(inout) :: rival
+      !> (dimension).
+      real(wp), intent(in) :: x(:)
+      real(wp), dimension(rival%posterior%n_grains) :: model, scales
+      real(wp), allocatable :: u(:, :)
+      character(len=:), allocatable :: names
+      integer :: i
+
+      select type (errors => rival%posterior%errors)
+      type is (outlier_errors_type)
+         call rival%posterior%predict_measurements(x, rival%posterior%stiffness(x), model, &
+            & scales, u)
+         names = ''
+         do i = 1, size(model)
+            if (errors%probability((case%stated%data%modulus(i) - model(i))/scales(i)) < 0.5_wp) &
+               & cycle
+            names = names//', '//printable(case%problem%measurements%name(case%points(i)))
+         end do
+         if (len(names) > 0) rival%explanation = 'outliers: '//names(3:)
+      end select
+   end subroutine name_outliers
+
+   !> Probability that a residual is that of an outlier.
+   pure elemental real(wp) function probability(self, r)
+      class(outlier_errors_type), intent(in) :: self
+      real(wp), intent(in) :: r
+
+      probability = 1.0_wp/(1.0_wp + (1.0_wp - self%share)/self%share*self%width &
+         & *exp(-0.5_wp*r**2*(1.0_wp - 1.0_wp/self%width**2)))
+   end function probability
+
+   pure real(wp) function outlier_log_density(self, r, factor) result(log_density)
+      class(outlier_errors_type), intent(in) :: self
+      real(wp), intent(in) :: r(:), factor
+
+      associate (z2 => 0.5_wp*(r/factor)**2, w => self%width)
+         log_density = sum(log((1.0_wp - self%share)*exp(-z2) + self%share/w*exp(-z2/w**2) &
+            & + tiny(1.0_wp))) - size(r)*(log(factor) + 0.5_wp*log(2.0_wp*pi))
+      end associate
+   end function outlier_log_density
+
+   pure subroutine outlier_weigh(self, e, weight, curvature, expected)
+      class(outlier_errors_type), intent(in) :: self
+      real(wp), intent(in) :: e(:)
+      real(wp), intent(out) :: weight(:), curvature(:), expected(:)
+
+      associate (p => self%probability(e), narrow => 1.0_wp - 1.0_wp/self%width**2)
+         weight = 1.0_wp - p*narrow
+         curvature = weight - e**2*p*(1.0_wp - p)*narrow**2
+      end associate
+      expected = 1.0_wp - self%share
+   end subroutine outlier_weigh
+
+   pure subroutine outlier_as_normals(self, variance, share)
+      class(outlier_errors_type), intent(in) :: self
+      real(wp), allocatable, intent(out) :: variance(:), share(:)
+
+      variance = [1.0_wp, self%width**2]
+      share = [1.0_wp - self%share, self%share]
+   end subroutine outlier_as_normals
+
+   pure real(wp) function phase_log_density(self, r, factor) result(log_density)
+      class(phase_errors_type), intent(in) :: self
+      real(wp), intent(in) :: r(:), factor
+      real(wp), dimension(size(r)) :: model, variance
+
+      model = self%ratio*(self%measured - r)
+      variance = 1.0_wp + (self%width*model)**2
+      log_density = sum(log((1.0_wp - self%share)*exp(-0.5_wp*r**2) &
+         & + self%share/sqrt(variance)*exp(-0.5_wp*(self%measured - model)**2/variance) &
+         & + tiny(1.0_wp))) - size(r)*(log(factor) + 0.5_wp*log(2.0_wp*pi))
+   end function phase_log_density
+
+end module noise_rivals

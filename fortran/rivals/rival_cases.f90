@@ -1,0 +1,103 @@
+!> What every rival begins with: the stated model of the compared measurements. A rival is this
+!> model with one thing changed.
+module rival_cases
+   use constants_posterior, only: new_posterior, posterior_type
+   use errors, only: error_type
+   use kinds, only: wp
+   use measured_grains, only: measured_type
+   use problem, only: problem_type
+   use settings_schema, only: measurements_settings_type
+   use statistics, only: moments
+   use surrogate_model, only: surrogate_type
+   implicit none
+   private
+   public :: case_type, new_case, rival_type, change_model
+
+   !> Measurements of more grains are compared on some of them, evenly over the rows, so that the
+   !> time is bounded.
+   integer, parameter :: most_grains = 200
+
+   type :: case_type
+      type(problem_type), pointer :: problem => null()
+      type(surrogate_type), pointer :: surrogate => null()
+      !> The stated model of the compared grains, which are these points of the problem.
+      type(posterior_type) :: stated
+      integer, allocatable :: points(:)
+      !> Moduli that it predicts at its maximum, GPa, (row).
+      real(wp), allocatable :: moduli(:, :)
+      !> The crystal at its maximum, GPa.
+      real(wp) :: crystal(6, 6) = 0.0_wp
+   end type case_type
+
+   type :: rival_type
+      !> What would have to be true, and the line of the namelist that states it, or ''.
+      character(len=:), allocatable :: explanation, remedy
+      !> Unallocated if the rival makes no difference.
+      type(posterior_type), allocatable :: posterior
+      !> Logarithm of the density of what the rival's posterior leaves out.
+      real(wp) :: log_rest = 0.0_wp
+   end type rival_type
+
+contains
+
+   !> The stated model of at most `most_grains` grains, without speeds.
+   subroutine new_case(problem, surrogate, posterior, case, error)
+      type(problem_type), intent(in), target :: problem
+      type(surrogate_type), intent(in), target :: surrogate
+      type(posterior_type), intent(in) :: posterior
+      type(case_type), intent(out) :: case
+      type(error_type), allocatable, intent(out) :: error
+      type(measured_type) :: measured
+      integer :: i, n
+
+      case%problem => problem
+      case%surrogate => surrogate
+      n = min(most_grains, posterior%n_moduli)
+      case%points = [(1 + ((i - 1)*posterior%n_moduli)/max(1, n), i=1, n)]
+      case%stated = posterior
+      if (n == posterior%n_grains) return
+      measured = posterior%data
+      associate (points => case%points, all => posterior%data)
+         measured%euler = all%euler(:, points)
+         measured%tilt_sd = all%tilt_sd(points)
+         measured%modulus = all%modulus(points)
+         measured%sd = all%sd(points)
+         measured%paths = all%paths(points)
+         measured%group = all%group(points)
+         measured%shared = all%shared(points, :)
+      end associate
+      call make_posterior(case, measured, posterior%settings, case%stated, error)
+   end subroutine new_case
+
+   !> The stated model with other data or another model of their errors.
+   subroutine change_model(case, measured, settings, rival, error)
+      type(case_type), intent(in) :: case
+      type(measured_type), intent(in) :: measured
+      type(measurements_settings_type), intent(in) :: settings
+      type(rival_type), intent(inout) :: rival
+      type(error_type), allocatable, intent(out) :: error
+
+      allocate (rival%posterior)
+      call make_posterior(case, measured, settings, rival%posterior, error)
+   end subroutine change_model
+
+   subroutine make_posterior(case, measured, settings, posterior, error)
+      type(case_type), intent(in) :: case
+      type(measured_type), intent(in) :: measured
+      type(measurements_settings_type), intent(in) :: settings
+      type(posterior_type), intent(inout) :: posterior
+      type(error_type), allocatable, intent(out) :: error
+      type(posterior_type) :: new
+      integer :: degree
+
+      degree = case%stated%grains%field_degree
+      call new_posterior(case%surrogate, case%stated%prior, settings, &
+         & case%problem%settings%sampler%surrogate_variance == 'full', measured, new, error)
+      if (allocated(error)) return
+      if (new%grains%has_theory .and. new%grains%field_degree /= degree) then
+         call new%set_field_degree(degree, error)
+      end if
+      posterior = new
+   end subroutine make_posterior
+
+end module rival_cases

@@ -1,0 +1,294 @@
+!> Rivals of the stated model: other models, each with one thing changed, that are compared with it
+!> by their evidence on the same measurements.
+!>
+!> Posterior odds follow from evidence and prior weights. All rivals together weigh as much as the
+!> stated model, each group as much as another, and the rivals of a group share its weight. Rivals
+!> with equal predictions are one, with the weights of both.
+module rivals
+   use class_rivals, only: make_class
+   use constants_posterior, only: posterior_type
+   use drift_rivals, only: make_drift, make_session
+   use errors, only: error_type
+   use kinds, only: nan, wp
+   use model_checks, only: log_integral
+   use model_evidence, only: fit_model, fit_type, log_mass
+   use noise_rivals, only: make_outliers, make_phases, make_scale, make_scatter, name_outliers
+   use order_rivals, only: make_any_order, make_reading
+   use problem, only: problem_type
+   use rival_cases, only: case_type, new_case, rival_type
+   use samplers, only: chains_type
+   use statement_rivals, only: make_kind, make_knowledge, make_limits
+   use statistics, only: moments, sort_order
+   use surrogate_model, only: surrogate_type
+   implicit none
+   private
+   public :: explanation_type, diagnosis_type, compare_rivals
+
+   abstract interface
+      !> Make the rival k of a row, k = 1, 2, .. Without an explanation there are no more; without a
+      !> posterior the rival does not apply.
+      subroutine make_interface(case, k, rival, error)
+         import :: case_type, error_type, rival_type
+         type(case_type), intent(in) :: case
+         integer, intent(in) :: k
+         type(rival_type), intent(out) :: rival
+         type(error_type), allocatable, intent(out) :: error
+      end subroutine make_interface
+   end interface
+
+   type :: row_type
+      character(len=12) :: group = ''
+      procedure(make_interface), pointer, nopass :: make => null()
+      !> Whether the rivals are values of one unknown number, and so one explanation; and whether
+      !> their densities may have several maxima.
+      logical :: is_one = .false., is_rough = .false.
+   end type row_type
+
+   type :: explanation_type
+      character(len=:), allocatable :: explanation, group, remedy
+      !> Logarithm of the posterior odds over the stated model.
+      real(wp) :: log_odds = 0.0_wp
+      !> Names of the constants, their means and sds, GPa; NaN where they are not computed.
+      character(len=3), allocatable :: names(:)
+      real(wp), allocatable :: mean(:), sd(:)
+      type(fit_type) :: fit
+      !> Row of the list and number there; number of rivals with equal predictions.
+      integer, private :: row = 0, number = 0, merged = 1
+      !> Moduli that it predicts for the stated crystal, GPa, (row, 1).
+      real(wp), allocatable, private :: moduli(:, :)
+   end type explanation_type
+
+   type :: diagnosis_type
+      !> Models that are compared, the best first; and the stated one.
+      type(explanation_type), allocatable :: rivals(:)
+      type(explanation_type) :: stated
+   end type diagnosis_type
+
+   integer, parameter :: n_groups = 5
+   !> Rivals are refined if their log odds are above the first value and at most the second below
+   !> the best; number of those that are listed.
+   real(wp), parameter :: least_odds = -1.0_wp, near = 6.0_wp
+   integer, parameter :: most_refined = 5, most_listed = 12
+   !> Log odds that a rival needs where measurements rarely tell, so that it is else an assumption.
+   real(wp), parameter :: needed = 3.0_wp
+
+contains
+
+   !> All rivals, a row for each kind.
+   function all_rows() result(rows)
+      type(row_type), allocatable :: rows(:)
+
+      rows = [row_type('symmetry', make_class), &
+         & row_type('orientations', make_reading), &
+         & row_type('orientations', make_any_order), &
+         & row_type('time', make_drift), &
+         & row_type('time', make_session, is_one=.true.), &
+         & row_type('noise', make_scale), &
+         & row_type('noise', make_scatter, is_one=.true.), &
+         & row_type('noise', make_outliers, is_one=.true., is_rough=.true.), &
+         & row_type('noise', make_phases, is_one=.true., is_rough=.true.), &
+         & row_type('statements', make_kind), &
+         & row_type('statements', make_knowledge), &
+         & row_type('statements', make_limits)]
+   end function all_rows
+
+   !> Compare all rivals with the stated model.
+   subroutine compare_rivals(problem, surrogate, posterior, chains, best, diagnosis, error)
+      type(problem_type), intent(in), target :: problem
+      type(surrogate_type), intent(in), target :: surrogate
+      type(posterior_type), intent(in) :: posterior
+      type(chains_type), intent(in) :: chains
+      !> A point of high posterior density, (dimension).
+      real(wp), intent(in) :: best(:)
+      type(diagnosis_type), intent(out) :: diagnosis
+      type(error_type), allocatable, intent(out) :: error
+      type(case_type) :: case
+      type(row_type), allocatable :: rows(:)
+      real(wp) :: variance
+      integer :: i
+
+      allocate (diagnosis%rivals(0))
+      if (posterior%n_moduli == 0 .or. allocated(posterior%unknown)) return
+      call new_case(problem, surrogate, posterior, case, error)
+      if (allocated(error)) return
+      case%crystal = posterior%stiffness(best)
+      case%moduli = case%stated%moduli_at(reshape(best, [size(best), 1]))
+      associate (stated => diagnosis%stated)
+         call fit_model(case%stated, case%crystal, .true., .false., stated%fit)
+         if (.not. stated%fit%found .and. size(case%points) == posterior%n_grains) then
+            call log_integral(posterior, chains, 0, problem%threads(), stated%fit%log_z, &
+               & variance, error)
+            if (allocated(error)) return
+            stated%fit%log_z = stated%fit%log_z - log_mass(posterior)
+            stated%fit%found = .true.
+         end if
+         if (.not. stated%fit%found) return
+      end associate
+      rows = all_rows()
+      do i = 1, size(rows)
+         call add_row(case, rows(i), i, diagnosis, error)
+         if (allocated(error)) return
+      end do
+      call weigh(diagnosis)
+      call refine(case, rows, diagnosis, error)
+      if (allocated(error)) return
+      call weigh(diagnosis)
+      associate (listed => diagnosis%rivals%log_odds > needed &
+         & .or. [(diagnosis%rivals(i)%group /= 'statements', i=1, size(diagnosis%rivals))])
+         diagnosis%rivals = pack(diagnosis%rivals, listed)
+      end associate
+      diagnosis%rivals = diagnosis%rivals(:min(most_listed, size(diagnosis%rivals)))
+   end subroutine compare_rivals
+
+   !> Turn evidences into posterior odds, and sort them.
+   subroutine weigh(diagnosis)
+      type(diagnosis_type), intent(inout) :: diagnosis
+      integer :: order(size(diagnosis%rivals)), i, k
+
+      associate (rivals => diagnosis%rivals)
+         do k = 1, size(rivals)
+            rivals(k)%log_odds = rivals(k)%fit%log_z - diagnosis%stated%fit%log_z &
+               & - log(n_groups*sum([(merge(rivals(i)%merged, 0, &
+               & rivals(i)%group == rivals(k)%group), i=1, size(rivals))]) &
+               & /real(rivals(k)%merged, wp))
+         end do
+         call sort_order(-rivals%log_odds, order)
+      end associate
+      diagnosis%rivals = diagnosis%rivals(order)
+   end subroutine weigh
+
+   !> Refine the evidence of the best rivals, and set their constants.
+   subroutine refine(case, rows, diagnosis, error)
+      type(case_type), intent(in) :: case
+      type(row_type), intent(in) :: rows(:)
+      type(diagnosis_type), intent(inout) :: diagnosis
+      type(error_type), allocatable, intent(out) :: error
+      type(rival_type) :: rival
+      type(fit_type) :: fit
+      real(wp) :: rough
+      integer :: i
+
+      do i = 1, min(most_refined, size(diagnosis%rivals))
+         associate (found => diagnosis%rivals(i), row => rows(diagnosis%rivals(i)%row))
+            if (found%log_odds < max(least_odds, diagnosis%rivals(1)%log_odds - near)) exit
+            call row%make(case, found%number, rival, error)
+            if (allocated(error)) return
+            rough = found%fit%rough_log_z
+            call fit_model(rival%posterior, case%crystal, .true., row%is_rough, fit)
+            if (.not. fit%found) cycle
+            fit%log_z = found%fit%log_z + fit%log_z - rough
+            found%fit = fit
+            call set_moments(rival%posterior, found)
+         end associate
+      end do
+   end subroutine refine
+
+   !> Fit all rivals of a row.
+   subroutine add_row(case, row, place, diagnosis, error)
+      type(case_type), intent(in) :: case
+      type(row_type), intent(in) :: row
+      !> Number of the row.
+      integer, intent(in) :: place
+      type(diagnosis_type), intent(inout) :: diagnosis
+      type(error_type), allocatable, intent(out) :: error
+      type(rival_type) :: rival
+      type(explanation_type) :: new, best
+      real(wp) :: total
+      integer :: k, members
+
+      members = 0
+      total = 0.0_wp
+      do k = 1, huge(k) - 1
+         call row%make(case, k, rival, error)
+         if (allocated(error) .or. .not. allocated(rival%explanation)) exit
+         if (.not. allocated(rival%posterior)) cycle
+         if (is_equal(case, row, rival, new, diagnosis)) cycle
+         members = members + 1
+         new%row = place
+         new%number = k
+         new%group = trim(row%group)
+         new%remedy = rival%remedy
+         call fit_model(rival%posterior, case%crystal, .false., row%is_rough, new%fit)
+         if (.not. new%fit%found) cycle
+         call name_outliers(case, rival, constants_at(rival%posterior, new%fit%maximum))
+         new%explanation = rival%explanation
+         new%fit%log_z = new%fit%log_z + rival%log_rest
+         new%names = rival%posterior%prior%class%constants
+         new%mean = spread(nan, 1, size(new%names))
+         new%sd = new%mean
+         if (.not. row%is_one) then
+            diagnosis%rivals = [diagnosis%rivals, new]
+         else
+            if (.not. allocated(best%explanation)) best = new
+            total = total*exp(min(0.0_wp, best%fit%log_z - new%fit%log_z)) &
+               & + exp(min(0.0_wp, new%fit%log_z - best%fit%log_z))
+            if (new%fit%log_z > best%fit%log_z) best = new
+         end if
+      end do
+      if (.not. allocated(best%explanation)) return
+      best%fit%log_z = best%fit%log_z + log(total/members)
+      diagnosis%rivals = [diagnosis%rivals, best]
+   end subroutine add_row
+
+   !> Whether other orientations predict the same moduli as the stated ones, or as those of an
+   !> earlier rival, which then is both.
+   logical function is_equal(case, row, rival, new, diagnosis)
+      type(case_type), intent(in) :: case
+      type(row_type), intent(in) :: row
+      type(rival_type), intent(in) :: rival
+      !> Its moduli are set.
+      type(explanation_type), intent(inout) :: new
+      type(diagnosis_type), intent(inout) :: diagnosis
+      integer :: i
+
+      is_equal = .false.
+      if (row%group /= 'orientations' .or. allocated(rival%posterior%unknown)) return
+      new%moduli = rival%posterior%moduli_at(reshape(case%stated%prior%class%constants_of( &
+         & case%crystal), [case%stated%n_constants, 1]))
+      is_equal = are_alike(new%moduli, case%moduli)
+      if (is_equal) return
+      do i = 1, size(diagnosis%rivals)
+         associate (other => diagnosis%rivals(i))
+            if (.not. allocated(other%moduli)) cycle
+            if (.not. are_alike(new%moduli, other%moduli)) cycle
+            is_equal = .true.
+            other%explanation = other%explanation//', or '//rival%explanation
+            other%merged = other%merged + 1
+            return
+         end associate
+      end do
+   end function is_equal
+
+   pure logical function are_alike(a, b)
+      real(wp), intent(in) :: a(:, :), b(:, :)
+      real(wp), parameter :: rounding = 1.0e-6_wp
+
+      are_alike = all(abs(a - b) < rounding*b)
+   end function are_alike
+
+   !> Parameters at working coordinates.
+   pure function constants_at(posterior, w) result(x)
+      type(posterior_type), intent(in) :: posterior
+      real(wp), intent(in) :: w(:)
+      real(wp) :: x(size(w))
+
+      x = w
+      associate (k => posterior%n_constants, prior => posterior%prior)
+         x(:k) = prior%class%constants_of(prior%logarithms%from_logarithms(w(:k)))
+      end associate
+   end function constants_at
+
+   !> Set the means and sds of the constants.
+   subroutine set_moments(posterior, found)
+      type(posterior_type), intent(in) :: posterior
+      type(explanation_type), intent(inout) :: found
+      real(wp) :: x(posterior%dimension, size(found%fit%weights))
+      integer :: i
+
+      do i = 1, size(x, 2)
+         x(:, i) = constants_at(posterior, found%fit%draws(:, i))
+      end do
+      call moments(x(:posterior%n_constants, :), found%mean, found%sd, found%fit%weights)
+   end subroutine set_moments
+
+end module rivals

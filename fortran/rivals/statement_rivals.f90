@@ -1,0 +1,113 @@
+!> Rivals of what is stated beside the table: the kind of modulus, the knowledge, and the limits of
+!> the prior.
+module statement_rivals
+   use constants_posterior, only: posterior_type
+   use constants_prior, only: knowledge_type
+   use errors, only: error_type
+   use kinds, only: wp
+   use model_evidence, only: fit_model, fit_type
+   use observables, only: modulus_kinds
+   use rival_cases, only: case_type, change_model, rival_type
+   use settings_schema, only: measurements_settings_type
+   use text, only: to_text
+   implicit none
+   private
+   public :: make_kind, make_knowledge, make_limits
+
+contains
+
+   !> The moduli are of the kind k.
+   subroutine make_kind(case, k, rival, error)
+      type(case_type), intent(in) :: case
+      integer, intent(in) :: k
+      type(rival_type), intent(out) :: rival
+      type(error_type), allocatable, intent(out) :: error
+      type(measurements_settings_type) :: settings
+
+      if (k > size(modulus_kinds)) return
+      rival%explanation = 'moduli of the kind '//trim(modulus_kinds(k))
+      rival%remedy = 'modulus_kind = '''//trim(modulus_kinds(k))//''''
+      settings = case%stated%settings
+      if (settings%modulus_kind == modulus_kinds(k)) return
+      settings%modulus_kind = trim(modulus_kinds(k))
+      call change_model(case, case%stated%data, settings, rival, error)
+   end subroutine make_kind
+
+   !> The known quantity k is of another crystal, which has the default prior; after the last
+   !> quantity: all of them are.
+   subroutine make_knowledge(case, k, rival, error)
+      type(case_type), intent(in) :: case
+      integer, intent(in) :: k
+      type(rival_type), intent(out) :: rival
+      type(error_type), allocatable, intent(out) :: error
+      logical, allocatable :: is_other(:)
+      integer :: i, n
+
+      associate (known => case%stated%prior%knowledge)
+         n = size(known%mean)
+         if (k > n .and. (n < 2 .or. k > n + 1)) return
+         rival%explanation = 'all knowledge'
+         rival%remedy = 'leave out &knowledge'
+         is_other = [(k == i .or. k > n, i=1, n)]
+         if (k <= n) then
+            rival%explanation = known%quantities(k)%name//' = '//to_text(known%mean(k), 4)
+            rival%remedy = rival%remedy//' '//known%quantities(k)%name
+            ! Correlated quantities are of one source.
+            if (any(abs(known%covariance(k, :)) > 0.0_wp .and. .not. is_other)) is_other = .false.
+         end if
+         rival%explanation = rival%explanation//' of another crystal'
+         if (.not. any(is_other)) return
+         allocate (rival%posterior, source=case%stated)
+         call rival%posterior%prior%set_knowledge(part_of(known, .not. is_other), error)
+         if (.not. allocated(error)) call set_rest(part_of(known, is_other))
+      end associate
+
+   contains
+
+      !> Set the density of the knowledge of another crystal.
+      subroutine set_rest(other)
+         type(knowledge_type), intent(in) :: other
+         type(posterior_type) :: alone
+         type(fit_type) :: fit
+
+         alone = case%stated
+         alone%prior = alone%prior%without_limits()
+         alone%prior_only = .true.
+         call alone%prior%set_knowledge(other, error)
+         if (allocated(error)) return
+         call fit_model(alone, case%crystal, .true., .false., fit)
+         rival%log_rest = fit%log_z
+         if (.not. fit%found) deallocate (rival%posterior)
+      end subroutine set_rest
+   end subroutine make_knowledge
+
+   !> The quantities of a mask.
+   function part_of(known, mask) result(part)
+      type(knowledge_type), intent(in) :: known
+      logical, intent(in) :: mask(:)
+      type(knowledge_type) :: part
+      integer :: i
+      integer, allocatable :: kept(:)
+
+      kept = pack([(i, i=1, size(mask))], mask)
+      part%quantities = known%quantities(kept)
+      part%mean = known%mean(kept)
+      part%covariance = known%covariance(kept, kept)
+   end function part_of
+
+   !> The default prior without the stated limits.
+   subroutine make_limits(case, k, rival, error)
+      type(case_type), intent(in) :: case
+      integer, intent(in) :: k
+      type(rival_type), intent(out) :: rival
+      type(error_type), allocatable, intent(out) :: error
+
+      if (k > 1) return
+      rival%explanation = 'crystals beyond the limits of the prior'
+      rival%remedy = 'leave out the limits of &prior'
+      if (.not. case%stated%prior%is_cut()) return
+      allocate (rival%posterior, source=case%stated)
+      rival%posterior%prior = rival%posterior%prior%without_limits()
+   end subroutine make_limits
+
+end module statement_rivals
