@@ -14,7 +14,6 @@ module analysis
    use kinds, only: nan, wp
    use omp_lib, only: omp_get_wtime
    use model_checks, only: check_model, checks_type, estimate_evidence, evidence_type
-   use orientation_check, only: check_orientations, orientation_check_type
    use posterior_summary, only: find_maximum, combination_type, find_combinations, parameter_type, &
       & predict_grains, predictions_type, summarise_parameters, thinning
    use prior_sensitivity, only: change_type, limit_type, list_limits, measure_sensitivity
@@ -30,10 +29,12 @@ module analysis
    use variance_shares, only: find_shares, shares_type, verdict_of
    implicit none
    private
-   public :: analysis_type, unmixed
+   public :: analysis_type, greatest_p, unmixed
 
    !> Above this R-hat the chains are not draws of one distribution.
    real(wp), parameter :: unmixed = 1.05_wp
+   !> A misfit of this probability leaves no constant determined.
+   real(wp), parameter :: greatest_p = 1.0e-3_wp
 
    type, extends(diagnosed_type) :: analysis_type
       !> Speeds that cannot be used are removed from it.
@@ -63,7 +64,6 @@ module analysis
       type(conflict_type) :: conflict
       type(predictions_type) :: predictions
       type(checks_type) :: checks
-      type(orientation_check_type) :: orientations
       !> Other models of the same measurements.
       type(diagnosis_type) :: diagnosis
       !> The limits of the support, and the results with other priors.
@@ -84,7 +84,7 @@ module analysis
       !> Wall-clock time of the posterior's chains.
       real(wp) :: seconds = 0.0_wp
    contains
-      procedure :: prepare, infer, verdict, least_value
+      procedure :: prepare, infer, verdict, is_misfit, least_value
    end type analysis_type
 
 contains
@@ -221,7 +221,6 @@ contains
       !> (parameter, draw), (quantity, draw), (combination, draw).
       real(wp), allocatable :: draws(:, :), prior_draws(:, :), values(:, :), prior_values(:, :), &
          & logarithms(:, :)
-      real(wp) :: t0, t1
       integer :: k, n, threads
 
       threads = self%problem%threads()
@@ -238,14 +237,8 @@ contains
          call check_model(posterior, chains, threads, self%checks)
          self%most_probable = chains%best_draw()
          call find_maximum(posterior, chains, self%most_probable)
-         call check_orientations(posterior, self%most_probable, self%problem%misread, &
-            & self%problem%measurements%of_row, self%orientations, error)
-         if (allocated(error)) return
-         call cpu_time(t0)
          call compare_rivals(self%problem, self%surrogate, posterior, chains, &
             & self%most_probable, self%diagnosis, error)
-         call cpu_time(t1)
-         print *, 'DEBUG cpu', t1 - t0
          if (allocated(error)) return
          draws = flattened(chains%draws(:, ::self%predictions%stride, :))
          prior_draws = flattened(self%prior_chains%draws(:, ::thinning(self%prior_chains, 1), :))
@@ -330,7 +323,18 @@ contains
       verdict = verdict_of(self%parameters(i)%mean, self%parameters(i)%sd, &
          & merge(self%least_value(), 0.0_wp, i <= self%posterior%n_constants), &
          & self%parameter_shares(i))
+      if (verdict == 'determined' .and. self%is_misfit(greatest_p)) verdict = 'weak'
    end function verdict
+
+   !> Whether the residuals are so large that their probability is below p, and that another factor
+   !> on the sds matters.
+   pure logical function is_misfit(self, p)
+      class(analysis_type), intent(in) :: self
+      real(wp), intent(in) :: p
+      real(wp), parameter :: least_factor = 1.3_wp
+
+      is_misfit = self%diagnosis%p < p .and. self%diagnosis%factor > least_factor
+   end function is_misfit
 
    !> A tenth of Hill's Young's modulus of the mean crystal, GPa. The sd of a constant near zero is
    !> compared with it.

@@ -4,15 +4,16 @@ module posterior_diagnostics
    use constants_prior, only: knowledge_type
    use diagnostics, only: diagnostic_type, is_usable
    use errors, only: error_type
-   use analysis, only: analysis_type, unmixed
+   use analysis, only: analysis_type, greatest_p, unmixed
    use field_reading, only: allowed_error
    use files, only: printable
    use indenters, only: indenter_type, new_indenter
    use kinds, only: pi, wp
    use prior_sensitivity, only: change_type, is_truncated
-   use orientation_check, only: readings
+   use rivals, only: explanation_type
    use statistics, only: chi_square_above
    use text, only: fixed, to_text
+   use variance_shares, only: verdict_of
    implicit none
    private
    public :: check_analysis, known_text, powers_text
@@ -24,6 +25,9 @@ module posterior_diagnostics
    !> Conflict of knowledge that needs a warning, and the greatest one, in sds: beyond it the value
    !> is of another crystal or in another unit.
    real(wp), parameter :: far = 3.0_wp, greatest_conflict = 10.0_wp
+   !> Probability of a misfit that makes the result unusable, and least share of a distribution
+   !> within stated bounds.
+   real(wp), parameter :: unusable_p = 1.0e-6_wp, least_within = 0.05_wp
    !> Relative bias of a modulus, and relative difference of contact radii, that need no warning.
    real(wp), parameter :: small_bias = 0.01_wp, small_difference = 0.05_wp
    !> Greatest elastic mean contact pressure over the modulus: a/R up to 0.08.
@@ -35,7 +39,7 @@ module posterior_diagnostics
 
 contains
 
-   !> Set all warnings. Wrong orientations, outliers and limits explain residuals and conflicts,
+   !> Set all warnings. Another model and limits explain residuals and conflicts,
    !> which are then not reported as well.
    subroutine check_analysis(found)
       type(analysis_type), intent(inout) :: found
@@ -50,8 +54,10 @@ contains
          end if
       end associate
       call check_limits(found, .false.)
-      call warn_of_orientations(found)
-      is_explained = found%orientations%is_detected() .or. size(found%orientations%outliers) > 0
+      call check_cuts(found)
+      n = size(found%warnings)
+      call check_rivals(found)
+      is_explained = size(found%warnings) > n
       call check_limits(found, .true.)
       ! Speeds are left out if their waves cannot be detected.
       associate (omitted => found%problem%measurements%omitted)
@@ -75,30 +81,89 @@ contains
       if (.not. (is_explained .or. is_truncated(found%limits))) call check_residuals(found)
    end subroutine check_analysis
 
-   !> Orientations that are not those of the grains, or else outliers.
-   subroutine warn_of_orientations(found)
+   !> Other models that explain the measurements better. The result cannot be used if the best one
+   !> changes a constant that the measurements seem to determine.
+   subroutine check_rivals(found)
       type(analysis_type), intent(inout) :: found
-      real(wp) :: numbers(4)
-      integer :: i
+      !> Log odds of a model that is preferred, and of one that is named.
+      real(wp), parameter :: preferred = 7.0_wp, notable = 3.0_wp
 
-      associate (check => found%orientations, data => found%posterior%data)
-         numbers = [check%chi_square, real(found%posterior%n_grains, wp), check%constant, &
-            & 100.0_wp*check%p_shuffled]
-         if (check%better_reading > 0) then
-            call found%warn('misread', trim(readings(check%better_reading)), numbers)
-         else if (check%is_detected()) then
-            call found%warn('unexplained', numbers=numbers)
-         else
-            do i = 1, size(check%outliers)
-               associate (grain => check%outliers(i))
-                  call found%warn('outlier', &
-                     & printable(found%problem%measurements%name(grain)), &
-                     & [check%distances(i), data%modulus(grain)])
-               end associate
-            end do
+      associate (diagnosis => found%diagnosis)
+         if (size(diagnosis%rivals) > 0) then
+            associate (best => diagnosis%rivals(1))
+               if (best%log_odds > preferred .and. (changes_result(found, best) &
+                  & .or. found%is_misfit(unusable_p))) then
+                  call found%warn('other_model', explained_text(diagnosis%rivals), [best%log_odds])
+               else if (best%log_odds > notable) then
+                  call found%warn('other_model_likely', explained_text(diagnosis%rivals), &
+                     & [best%log_odds])
+               end if
+            end associate
+         end if
+         if (diagnosis%order_odds > 0.0_wp .and. found%is_misfit(greatest_p)) then
+            call found%warn('unexplained', numbers=[diagnosis%chi_square, diagnosis%freedom, &
+               & diagnosis%order_odds])
+         end if
+         if (found%is_misfit(unusable_p)) then
+            call found%warn('residuals_wrong', numbers=[diagnosis%factor, diagnosis%chi_square, &
+               & diagnosis%freedom])
          end if
       end associate
-   end subroutine warn_of_orientations
+   end subroutine check_rivals
+
+   !> Whether another model moves a determined constant by more than an sd, or changes its sd by more
+   !> than a half.
+   logical function changes_result(found, other)
+      type(analysis_type), intent(in) :: found
+      type(explanation_type), intent(in) :: other
+      real(wp), parameter :: greatest_change = 1.5_wp
+      integer :: i, j
+
+      changes_result = .false.
+      do i = 1, found%posterior%n_constants
+         if (verdict_of(found%parameters(i)%mean, found%parameters(i)%sd, found%least_value(), &
+            & found%parameter_shares(i)) /= 'determined') then
+            cycle
+         end if
+         j = findloc(other%names == found%names(i), .true., dim=1)
+         if (j == 0) cycle
+         associate (stated => found%parameters(i))
+            changes_result = changes_result .or. .not. (abs(other%mean(j) - stated%mean) &
+               & < stated%sd .and. abs(log(other%sd(j)/stated%sd)) < log(greatest_change))
+         end associate
+      end do
+   end function changes_result
+
+   !> The best explanation, others of its group that are nearly as good, and its remedy.
+   function explained_text(rivals) result(text)
+      type(explanation_type), intent(in) :: rivals(:)
+      character(len=:), allocatable :: text
+      !> Log odds within which explanations of a group cannot be told apart.
+      real(wp), parameter :: alike = 3.0_wp
+      integer :: i
+
+      text = rivals(1)%explanation
+      do i = 2, size(rivals)
+         if (rivals(i)%group == rivals(1)%group &
+            & .and. rivals(1)%log_odds - rivals(i)%log_odds < alike) then
+            text = text//'; or '//rivals(i)%explanation
+         end if
+      end do
+      if (len(rivals(1)%remedy) > 0) text = text//' ('//rivals(1)%remedy//')'
+   end function explained_text
+
+   !> Bounds that exclude most of what the measurements determine without them.
+   subroutine check_cuts(found)
+      type(analysis_type), intent(inout) :: found
+      integer :: i
+
+      do i = 1, found%posterior%n_constants
+         associate (share => found%diagnosis%share_within(i))
+            if (share < least_within) call found%warn('limit_excludes', trim(found%names(i)), &
+               & [100.0_wp*(1.0_wp - share)])
+         end associate
+      end do
+   end subroutine check_cuts
 
    !> Limits that truncate the posterior, either the stated ones or those of the surrogate.
    subroutine check_limits(found, stated)
@@ -144,7 +209,10 @@ contains
                   & [conflict(j)])
             end if
          end do
-         if (found%conflict%sds > far .and. .not. (any(conflict > far) .or. is_explained)) then
+         if (usable .and. found%conflict%sds > greatest_conflict &
+            & .and. .not. any(conflict > greatest_conflict)) then
+            call found%warn('knowledge_together', numbers=[found%conflict%sds, greatest_conflict])
+         else if (found%conflict%sds > far .and. .not. (any(conflict > far) .or. is_explained)) then
             call found%warn('knowledge_conflict', numbers=[found%conflict%sds, &
                & found%conflict%growth, real(size(conflict), wp)])
          end if

@@ -12,7 +12,6 @@ module analysis_document
    use kinds, only: i8, nan, wp
    use resolved_namelist, only: resolved_text
    use named_values, only: named_values_reader_type, named_values_type, restore
-   use orientation_check, only: readings
    use observables, only: path_names, surface_path
    use posterior_diagnostics, only: known_text, powers_text
    use posterior_summary, only: correlate
@@ -72,21 +71,16 @@ contains
       call write_identifiability(page, found)
       call write_prior(page, found)
       call page%begin_object('checks')
-      associate (checks => found%checks, check => found%orientations)
+      associate (checks => found%checks, diagnosis => found%diagnosis)
          call page%put('draws', size(checks%log_prior))
          call page%put_numbers('mean, p', [checks%chi_square, checks%chi_square_p], 'chi_square')
          call page%begin_object('extreme_grain')
          call page%put('grain', checks%extreme_grain)
          call page%put_numbers('residual_sd, p', [checks%extreme_residual, checks%extreme_p])
          call page%end_object()
-         call page%begin_object('orientations')
-         call page%put_numbers('constant_chi_square, chi_square, freedom, p, p_shuffled, power', &
-            & [check%constant, check%chi_square, real(check%freedom, wp), check%p, &
-            & check%p_shuffled, check%power])
-         call page%put('better_reading', trim(readings(check%better_reading)))
-         call page%put('outliers', real(check%outliers, wp))
-         call page%put('distances_sd', check%distances)
-         call page%end_object()
+         call page%put_numbers('chi_square, freedom, p, factor, order_log_odds', &
+            & [diagnosis%chi_square, diagnosis%freedom, diagnosis%p, diagnosis%factor, &
+            & diagnosis%order_odds], 'misfit')
       end associate
       call page%end_object()
       if (allocated(found%evidence)) then
@@ -171,6 +165,8 @@ contains
             call page%put_numbers('mean, sd, map', &
                & [parameter%mean, parameter%sd, found%most_probable(i)])
             call page%put('hdi_95', parameter%hdi_95)
+            call page%put('median', parameter%quantiles(3))
+            call page%put('quantiles', parameter%quantiles)
             call page%put_numbers('ess_bulk, ess_tail, r_hat', [d%ess_bulk, d%ess_tail, d%r_hat])
             call write_share(page, found%parameter_shares(i), found%verdict(i))
             call page%end_object()

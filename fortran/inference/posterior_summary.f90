@@ -33,6 +33,8 @@ module posterior_summary
       real(wp) :: mean = 0.0_wp, sd = 0.0_wp
       !> Narrowest interval that holds 95 % of the draws.
       real(wp) :: hdi_95(2) = 0.0_wp
+      !> Values below which 2.5, 16, 50, 84 and 97.5 % of the draws lie.
+      real(wp) :: quantiles(5) = 0.0_wp
       type(diagnostics_type) :: diagnostics
    end type parameter_type
 
@@ -78,9 +80,27 @@ contains
          values = chains%draws(j, :, :)
          parameters(j)%diagnostics = diagnose_chains(values)
          parameters(j)%hdi_95 = narrowest_interval(size(values), values)
+         parameters(j)%quantiles = quantiles_of(size(values), values)
       end do
       !$omp end parallel do
    end subroutine summarise_parameters
+
+   !> Quantiles at `levels`, interpolated between the values.
+   pure function quantiles_of(n, values) result(quantiles)
+      integer, intent(in) :: n
+      real(wp), intent(in) :: values(n)
+      real(wp), parameter :: levels(5) = [0.025_wp, 0.16_wp, 0.5_wp, 0.84_wp, 0.975_wp]
+      real(wp) :: quantiles(size(levels)), place
+      real(wp), allocatable :: sorted(:)
+      integer :: i, k
+
+      call sorted_values(n, values, sorted)
+      do i = 1, size(levels)
+         place = 1.0_wp + levels(i)*(n - 1)
+         k = min(n - 1, int(place))
+         quantiles(i) = sorted(k) + (place - k)*(sorted(k + 1) - sorted(k))
+      end do
+   end function quantiles_of
 
    !> Narrowest interval between two of the values that holds 95 % of them, as ArviZ defines it.
    pure function narrowest_interval(n, values) result(interval)

@@ -58,7 +58,7 @@ module problem
       !> Text of the canonical table of the measurements, which the folder of results gets.
       character(len=:), allocatable :: table_text
       !> Indented directions in crystal axes for each mistake of the axes of the map, (3,
-      !> measurement, mistake); see `orientation_check`.
+      !> measurement, mistake); see `order_rivals`.
       real(wp), allocatable :: misread(:, :, :)
       !> Curves of &curves, and crystals of &references.
       type(curve_set_type), allocatable :: curves

@@ -54,7 +54,7 @@ contains
       logical, intent(in) :: is_rough
       type(fit_type), intent(out) :: fit
       real(wp), parameter :: first_axis = 0.05_wp, widenings(2) = [8.0_wp, 2.5_wp]
-      type(posterior_type) :: smooth
+      type(posterior_type) :: limited, smooth
       real(wp) :: rough_integral
       integer :: i, n
 
@@ -67,6 +67,9 @@ contains
          fit%axes(i, i) = first_axis
       end do
       smooth = posterior
+      ! The exact theory of extremely anisotropic crystals would take most of the time.
+      call smooth%grains%use_field_up_to(huge(1.0_wp))
+      limited = smooth
       if (posterior%prior%is_cut()) smooth%prior = posterior%prior%without_limits()
       do i = 1, merge(size(widenings), 0, is_rough)
          smooth%scale = widenings(i)*posterior%scale
@@ -75,7 +78,7 @@ contains
       smooth%scale = posterior%scale
       call climb(smooth, fit)
       rough_integral = fit%log_integral
-      if (posterior%prior%is_cut() .or. is_precise) call integrate(posterior, smooth, fit)
+      if (posterior%prior%is_cut() .or. is_precise) call integrate(limited, smooth, fit)
       if (posterior%prior%is_cut()) rough_integral = fit%log_integral
       if (.not. fit%found) return
       fit%log_z = fit%log_integral - log_mass(posterior)

@@ -12,28 +12,48 @@ module noise_rivals
    private
    public :: make_scale, make_scatter, make_outliers, make_phases, name_outliers
 
-   !> Errors of which a share is of another, wider distribution.
-   type, extends(error_model_type) :: outlier_errors_type
-      !> Share of the outliers, and the sd of their errors, in sds of the noise.
+   !> Errors of which a share is of another distribution.
+   type, abstract, extends(error_model_type) :: mixture_errors_type
+      !> The share, and the relative width of the other distribution, in sds for outliers.
       real(wp) :: share = 0.1_wp, width = 10.0_wp
    contains
-      procedure :: log_density => outlier_log_density, weigh => outlier_weigh, &
-         & as_normals => outlier_as_normals, probability
+      procedure :: log_density => mixture_log_density
+      procedure(weigh_parts_interface), deferred :: weigh_parts
+   end type mixture_errors_type
+
+   abstract interface
+      !> Logarithm of the density of the other distribution over that of the first, weighted by
+      !> their shares.
+      pure subroutine weigh_parts_interface(self, r, log_ratio)
+         import :: mixture_errors_type, wp
+         class(mixture_errors_type), intent(in) :: self
+         !> Residuals in units of the scale, (measurement).
+         real(wp), intent(in) :: r(:)
+         real(wp), intent(out) :: log_ratio(:)
+      end subroutine weigh_parts_interface
+   end interface
+
+   !> Outliers, whose distribution is wider.
+   type, extends(mixture_errors_type) :: outlier_errors_type
+   contains
+      procedure :: weigh_parts => outlier_parts, weigh => outlier_weigh, &
+         & as_normals => outlier_as_normals
    end type outlier_errors_type
 
-   !> Grains of which a share is of a second phase.
-   type, extends(error_model_type) :: phase_errors_type
-      !> Share of the second phase, its moduli relative to those of the first, and the relative sd
-      !> of that.
-      real(wp) :: share = 0.3_wp, ratio = 1.0_wp, width = 0.05_wp
-      !> Measurements in units of their scales, (grain).
+   !> Grains of a second phase.
+   type, extends(mixture_errors_type) :: phase_errors_type
+      !> Moduli of the second phase relative to those of the first; measurements in units of their
+      !> scales, (grain).
+      real(wp) :: ratio = 1.0_wp
       real(wp), allocatable :: measured(:)
    contains
-      procedure :: log_density => phase_log_density
+      procedure :: weigh_parts => phase_parts
    end type phase_errors_type
 
    real(wp), parameter :: scatters(5) = [0.01_wp, 0.02_wp, 0.04_wp, 0.08_wp, 0.16_wp]
    real(wp), parameter :: shares(3) = [0.05_wp, 0.15_wp, 0.4_wp]
+   !> Share of the grains of a second phase, and the relative sd of their moduli.
+   real(wp), parameter :: phase_share = 0.3_wp, phase_width = 0.05_wp
    !> sd of an outlier, relative to the mean modulus.
    real(wp), parameter :: outlier_sd = 0.4_wp
    real(wp), parameter :: ratios(8) = [0.5_wp, 0.6_wp, 0.7_wp, 0.8_wp, 1.25_wp, 1.43_wp, 1.67_wp, &
@@ -117,66 +137,73 @@ contains
       call change_model(case, case%stated%data, settings, rival, error)
       if (allocated(error)) return
       allocate (errors)
+      errors%share = phase_share
+      errors%width = phase_width
       errors%ratio = ratios(k)
       errors%measured = case%stated%data%modulus/case%stated%data%sd
       deallocate (rival%posterior%errors)
       call move_alloc(errors, rival%posterior%errors)
    end subroutine make_phases
 
-   !> Name the outliers in the explanation of a rival, given the point of its maximum: grains that
-   !> are more probably outliers than not.
+   !> Name the outliers, or the grains of the second phase, in the explanation of a rival, given the
+   !> point of its maximum: those that are more probably of the other distribution than not.
    subroutine name_outliers(case, rival, x)
       type(case_type), intent(in) :: case
       type(rival_type), intent(inout) :: rival
       !> (dimension).
       real(wp), intent(in) :: x(:)
-      real(wp), dimension(rival%posterior%n_grains) :: model, scales
+      real(wp), dimension(rival%posterior%n_grains) :: model, scales, log_ratio
       real(wp), allocatable :: u(:, :)
+      logical :: is_other(rival%posterior%n_grains)
       character(len=:), allocatable :: names
       integer :: i
 
       select type (errors => rival%posterior%errors)
-      type is (outlier_errors_type)
+      class is (mixture_errors_type)
          call rival%posterior%predict_measurements(x, rival%posterior%stiffness(x), model, &
             & scales, u)
+         call errors%weigh_parts((case%stated%data%modulus - model)/scales, log_ratio)
+         is_other = log_ratio > 0.0_wp
          names = ''
          do i = 1, size(model)
-            if (errors%probability((case%stated%data%modulus(i) - model(i))/scales(i)) < 0.5_wp) &
-               & cycle
+            if (.not. is_other(i)) cycle
             names = names//', '//printable(case%problem%measurements%name(case%points(i)))
          end do
-         if (len(names) > 0) rival%explanation = 'outliers: '//names(3:)
+         if (any(is_other)) rival%explanation = rival%explanation//': '//names(3:)
       end select
    end subroutine name_outliers
 
-   !> Probability that a residual is that of an outlier.
-   pure elemental real(wp) function probability(self, r)
-      class(outlier_errors_type), intent(in) :: self
-      real(wp), intent(in) :: r
-
-      probability = 1.0_wp/(1.0_wp + (1.0_wp - self%share)/self%share*self%width &
-         & *exp(-0.5_wp*r**2*(1.0_wp - 1.0_wp/self%width**2)))
-   end function probability
-
-   pure real(wp) function outlier_log_density(self, r, factor) result(log_density)
-      class(outlier_errors_type), intent(in) :: self
+   pure real(wp) function mixture_log_density(self, r, factor) result(log_density)
+      class(mixture_errors_type), intent(in) :: self
       real(wp), intent(in) :: r(:), factor
+      real(wp) :: ratio(size(r))
 
-      associate (z2 => 0.5_wp*(r/factor)**2, w => self%width)
-         log_density = sum(log((1.0_wp - self%share)*exp(-z2) + self%share/w*exp(-z2/w**2) &
-            & + tiny(1.0_wp))) - size(r)*(log(factor) + 0.5_wp*log(2.0_wp*pi))
-      end associate
-   end function outlier_log_density
+      call self%weigh_parts(r/factor, ratio)
+      log_density = -0.5_wp*sum(r**2)/factor**2 + sum(max(ratio, 0.0_wp) &
+         & + log(1.0_wp + exp(-abs(ratio)))) &
+         & + size(r)*(log((1.0_wp - self%share)/factor) - 0.5_wp*log(2.0_wp*pi))
+   end function mixture_log_density
+
+   pure subroutine outlier_parts(self, r, log_ratio)
+      class(outlier_errors_type), intent(in) :: self
+      real(wp), intent(in) :: r(:)
+      real(wp), intent(out) :: log_ratio(:)
+
+      log_ratio = log(self%share/(1.0_wp - self%share)/self%width) &
+         & + 0.5_wp*r**2*(1.0_wp - 1.0_wp/self%width**2)
+   end subroutine outlier_parts
 
    pure subroutine outlier_weigh(self, e, weight, curvature, expected)
       class(outlier_errors_type), intent(in) :: self
       real(wp), intent(in) :: e(:)
       real(wp), intent(out) :: weight(:), curvature(:), expected(:)
+      real(wp) :: log_ratio(size(e)), p(size(e)), narrow
 
-      associate (p => self%probability(e), narrow => 1.0_wp - 1.0_wp/self%width**2)
-         weight = 1.0_wp - p*narrow
-         curvature = weight - e**2*p*(1.0_wp - p)*narrow**2
-      end associate
+      call self%weigh_parts(e, log_ratio)
+      p = 1.0_wp/(1.0_wp + exp(-log_ratio))
+      narrow = 1.0_wp - 1.0_wp/self%width**2
+      weight = 1.0_wp - p*narrow
+      curvature = weight - e**2*p*(1.0_wp - p)*narrow**2
       expected = 1.0_wp - self%share
    end subroutine outlier_weigh
 
@@ -188,16 +215,17 @@ contains
       share = [1.0_wp - self%share, self%share]
    end subroutine outlier_as_normals
 
-   pure real(wp) function phase_log_density(self, r, factor) result(log_density)
+   !> The second phase has moduli that vary by `width`.
+   pure subroutine phase_parts(self, r, log_ratio)
       class(phase_errors_type), intent(in) :: self
-      real(wp), intent(in) :: r(:), factor
+      real(wp), intent(in) :: r(:)
+      real(wp), intent(out) :: log_ratio(:)
       real(wp), dimension(size(r)) :: model, variance
 
       model = self%ratio*(self%measured - r)
       variance = 1.0_wp + (self%width*model)**2
-      log_density = sum(log((1.0_wp - self%share)*exp(-0.5_wp*r**2) &
-         & + self%share/sqrt(variance)*exp(-0.5_wp*(self%measured - model)**2/variance) &
-         & + tiny(1.0_wp))) - size(r)*(log(factor) + 0.5_wp*log(2.0_wp*pi))
-   end function phase_log_density
+      log_ratio = log(self%share/(1.0_wp - self%share)) - 0.5_wp*log(variance) &
+         & + 0.5_wp*(r**2 - (self%measured - model)**2/variance)
+   end subroutine phase_parts
 
 end module noise_rivals

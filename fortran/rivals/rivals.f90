@@ -18,8 +18,9 @@ module rivals
    use rival_cases, only: case_type, new_case, rival_type
    use samplers, only: chains_type
    use statement_rivals, only: make_kind, make_knowledge, make_limits
-   use statistics, only: moments, sort_order
+   use statistics, only: chi_square_above, moments, sort_order
    use surrogate_model, only: surrogate_type
+   use symmetric_harmonics, only: harmonics_type, new_harmonics
    implicit none
    private
    public :: explanation_type, diagnosis_type, compare_rivals
@@ -62,6 +63,15 @@ module rivals
       !> Models that are compared, the best first; and the stated one.
       type(explanation_type), allocatable :: rivals(:)
       type(explanation_type) :: stated
+      !> Chi-square of the moduli about those that they determine, its degrees of freedom, the
+      !> probability of a larger one, and the factor on the sds that would mend it. NaN where the
+      !> sds are not stated.
+      real(wp) :: chi_square = nan, freedom = nan, p = nan, factor = nan
+      !> Log evidence of the orientations in any order over that of the stated order.
+      real(wp) :: order_odds = -huge(1.0_wp)
+      !> Share of each constant's distribution that the stated bounds admit, if the measurements
+      !> alone determine the constant, (n_constants); else 1.
+      real(wp), allocatable :: share_within(:)
    end type diagnosis_type
 
    integer, parameter :: n_groups = 5
@@ -108,7 +118,10 @@ contains
       integer :: i
 
       allocate (diagnosis%rivals(0))
+      diagnosis%share_within = spread(1.0_wp, 1, posterior%n_constants)
       if (posterior%n_moduli == 0 .or. allocated(posterior%unknown)) return
+      call set_misfit(posterior, best, diagnosis, error)
+      if (allocated(error)) return
       call new_case(problem, surrogate, posterior, case, error)
       if (allocated(error)) return
       case%crystal = posterior%stiffness(best)
@@ -124,6 +137,7 @@ contains
          end if
          if (.not. stated%fit%found) return
       end associate
+      if (posterior%prior%is_cut()) call find_cuts(case%stated, case%crystal, diagnosis)
       rows = all_rows()
       do i = 1, size(rows)
          call add_row(case, rows(i), i, diagnosis, error)
@@ -139,6 +153,61 @@ contains
       end associate
       diagnosis%rivals = diagnosis%rivals(:min(most_listed, size(diagnosis%rivals)))
    end subroutine compare_rivals
+
+   !> Set chi-square at a point of high density, with the errors that the moduli share.
+   subroutine set_misfit(posterior, x, diagnosis, error)
+      type(posterior_type), intent(in) :: posterior
+      real(wp), intent(in) :: x(:)
+      type(diagnosis_type), intent(inout) :: diagnosis
+      type(error_type), allocatable, intent(out) :: error
+      type(harmonics_type) :: harmonics
+      real(wp), dimension(posterior%n_grains) :: model, scales, residuals
+      real(wp), allocatable :: u(:, :), b(:), l(:, :)
+      real(wp) :: value
+
+      if (posterior%infers_scale .or. posterior%settings%likelihood /= 'normal') return
+      ! Indentation determines as many combinations of constants as there are harmonics.
+      call new_harmonics(posterior%prior%class%generators, 4, harmonics, error)
+      if (allocated(error) .or. posterior%n_moduli <= harmonics%n) return
+      call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
+      residuals = (posterior%data%modulus - model)/scales
+      call posterior%errors%integrate(residuals, u, b, l, value)
+      associate (n => posterior%n_moduli, chi_square => diagnosis%chi_square, &
+         & freedom => diagnosis%freedom)
+         chi_square = sum((residuals(:n) - matmul(u(:n, :), b))**2) + sum(b**2)
+         freedom = n - harmonics%n
+         diagnosis%p = chi_square_above(chi_square, nint(freedom))
+         diagnosis%factor = sqrt(chi_square/freedom)
+      end associate
+   end subroutine set_misfit
+
+   !> Find how much of what the measurements determine without the limits is within the bounds.
+   subroutine find_cuts(stated, crystal, diagnosis)
+      type(posterior_type), intent(in) :: stated
+      real(wp), intent(in) :: crystal(6, 6)
+      type(diagnosis_type), intent(inout) :: diagnosis
+      !> Relative sd of a constant that the measurements determine.
+      real(wp), parameter :: determined = 0.15_wp
+      type(posterior_type) :: free
+      type(explanation_type) :: found
+      real(wp), allocatable :: x(:, :)
+      integer :: i, j
+
+      free = stated
+      free%prior = stated%prior%without_limits()
+      call fit_model(free, crystal, .true., .false., found%fit)
+      if (.not. found%fit%found) return
+      call set_moments(free, found)
+      allocate (x(free%dimension, size(found%fit%weights)))
+      do i = 1, size(x, 2)
+         x(:, i) = constants_at(free, found%fit%draws(:, i))
+      end do
+      do j = 1, size(found%mean)
+         if (found%sd(j) > determined*abs(found%mean(j))) cycle
+         diagnosis%share_within(j) = sum(found%fit%weights, mask=x(j, :) >= stated%prior%lower(j) &
+            & .and. x(j, :) <= stated%prior%upper(j))
+      end do
+   end subroutine find_cuts
 
    !> Turn evidences into posterior odds, and sort them.
    subroutine weigh(diagnosis)
@@ -210,6 +279,9 @@ contains
          new%remedy = rival%remedy
          call fit_model(rival%posterior, case%crystal, .false., row%is_rough, new%fit)
          if (.not. new%fit%found) cycle
+         if (allocated(rival%posterior%unknown)) then
+            diagnosis%order_odds = new%fit%log_z - diagnosis%stated%fit%log_z
+         end if
          call name_outliers(case, rival, constants_at(rival%posterior, new%fit%maximum))
          new%explanation = rival%explanation
          new%fit%log_z = new%fit%log_z + rival%log_rest

@@ -275,7 +275,7 @@ class Grid:
         """The indented directions (7, n, 3) in crystal axes for positions (n, 2) whose axes are
         exchanged or reversed.
         """
-        # The seven mistakes are those of fortran/inference/orientation_check.f90. A position beside
+        # The seven mistakes are those of fortran/rivals/order_rivals.f90. A position beside
         # the map gets the orientation at its edge.
         low, size = self.positions.min(axis=0), np.ptp(self.positions, axis=0)
 
