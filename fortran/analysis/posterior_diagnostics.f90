@@ -111,8 +111,8 @@ contains
       end associate
    end subroutine check_rivals
 
-   !> Whether another model moves a determined constant by more than an sd, or changes its sd by more
-   !> than a half.
+   !> Whether another model moves a determined constant by more than an sd, or changes its sd by
+   !> more than a half.
    logical function changes_result(found, other)
       type(analysis_type), intent(in) :: found
       type(explanation_type), intent(in) :: other

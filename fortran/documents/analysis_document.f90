@@ -78,9 +78,9 @@ contains
          call page%put('grain', checks%extreme_grain)
          call page%put_numbers('residual_sd, p', [checks%extreme_residual, checks%extreme_p])
          call page%end_object()
-         call page%put_numbers('chi_square, freedom, p, factor, order_log_odds', &
+         call page%put_numbers('chi_square, freedom, p, factor, order_log_odds, log_z', &
             & [diagnosis%chi_square, diagnosis%freedom, diagnosis%p, diagnosis%factor, &
-            & diagnosis%order_odds], 'misfit')
+            & diagnosis%order_odds, diagnosis%stated%fit%log_z], 'misfit')
       end associate
       call page%end_object()
       if (allocated(found%evidence)) then

@@ -59,6 +59,12 @@ class Analysis:
         variance = moduli.var(axis=0) + (sd.reshape(moduli.shape) ** 2).mean(axis=0)
         return moduli.mean(axis=0), np.sqrt(variance)
 
+    def diagnosis(self) -> list[dict]:
+        """Other models of the measurements, the best first: `explanation`, `group`, `log_odds` over
+        the stated model, `constants`, and the `remedy` that states it.
+        """
+        return self.summary()["diagnosis"]
+
     def next(self, **settings: Any) -> dict:
         """The grains to measure next; the keywords are those of `&next`, see `bi.next_grain`."""
         return next_grain(self.posterior, **settings)
@@ -94,8 +100,8 @@ def analysis(
     references: str | PathLike | None = None,
     **settings: Any,
 ) -> Analysis:
-    """Step 2 as an object: `posterior`, `summary()`, `predict(euler_deg)`, `next()`, `plan(grains,
-    noise)`, `report()`.
+    """Step 2 as an object: `posterior`, `summary()`, `diagnosis()`, `predict(euler_deg)`,
+    `next()`, `plan(grains, noise)`, `report()`.
 
     Parameters
     ----------

@@ -229,12 +229,14 @@ def test_what_is_off_is_told(surrogates, likelihood):
         )
     )
     if likelihood == "normal":
-        assert [found["subject"] for found in of_code(worst, "outlier")] == ["5"]
+        (named,) = of_code(worst, "other_model", "other_model_likely")
+        assert "outliers: 5" in named["subject"]
         assert "residuals_large" in codes(noisy)
     assert "residuals_small" in codes(smooth)
     assert not of_code(
         well,
-        "outlier",
+        "other_model",
+        "other_model_likely",
         "residuals_large",
         "tests_scatter_more",
         "tests_scatter_less",

@@ -134,6 +134,12 @@ def plus_minus(item: Mapping) -> str:
     return " ± ".join(numbers(item, mean=digits, sd=digits))
 
 
+def median_and_range(item: Mapping) -> str:
+    """Median and interval of 68 %, for a distribution that a mean and an sd do not describe."""
+    low, median, high = item["quantiles"][1:4]
+    return f"{number(median, 0)} ({number(low, 0)} to {number(high, 0)})"
+
+
 def has_four_indices(symmetry: str) -> bool:
     """Whether directions of the crystal class have four indices: C33 and C66 = (C11 - C12)/2."""
     constants = constant_names(symmetry) if symmetry else ()

@@ -87,6 +87,7 @@ def report_rows(results: Results) -> dict[str, list[list]]:
         ],
         "prior": prior_rows(results) if document.get("prior") else [],
         "checks": check_rows(results) if document.get("checks") else [],
+        "diagnosis": list(map(rival_row, document.get("diagnosis", []))),
         "sensitivity": list(filter(None, map(sensitivity_row, document.get("sensitivity", [])))),
         "simulations": simulation_rows(results),
         "suggestions": [
@@ -229,6 +230,22 @@ def check_rows(results: Results) -> list[list]:
             ]
         )
     return rows
+
+
+def rival_row(rival: dict) -> list[str]:
+    """Another model of the measurements."""
+    constants = [
+        f"{name} {plus_minus(item)}"
+        for name, item in rival["constants"].items()
+        if item["mean"] is not None
+    ]
+    return [
+        rival["explanation"],
+        rival["group"],
+        number(rival["log_odds"]),
+        ", ".join(constants),
+        rival["remedy"],
+    ]
 
 
 def sensitivity_row(change: dict) -> list[str] | None:

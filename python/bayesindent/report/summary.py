@@ -5,6 +5,7 @@ from markupsafe import Markup
 from ..common.diagnostics import is_unusable
 from .formatting import (
     enumeration,
+    median_and_range,
     number,
     percent,
     plus_minus,
@@ -35,10 +36,13 @@ def answer(results: Results) -> list[str]:
     for name in results.constants:
         item = document["parameters"][name]
         # Use blanks that do not break the line.
-        stated.append(f"{subscript(name)} = {plus_minus(item)}".replace(" ", "\u00a0"))
+        value = plus_minus(item)
+        if item["verdict"] == "not_determined" and "quantiles" in item:
+            value = median_and_range(item)
+        stated.append(f"{subscript(name)} = {value}".replace(" ", "\u00a0"))
         if item["verdict"] == "not_determined":
             vague.append(subscript(name))
-    usable = "Usable" if document["usable"] else "Not usable"
+    usable = "Usable" if document["usable"] else f"Not usable: {document['reasons'][0]}"
     if document["usable"] and vague:
         usable += f", but the measurements do not determine {enumeration(vague)}"
     return [f"{', '.join(stated)}\u00a0GPa.", f"{usable}."]

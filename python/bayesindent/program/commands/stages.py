@@ -215,7 +215,7 @@ def show_extract(document: dict) -> None:
     rows = [
         [
             name,
-            *numbers(item, **dict.fromkeys(("mean", "sd"), digits_of(name))),
+            *values_of(name, item),
             " .. ".join(number(value, digits_of(name)) for value in item["hdi_95"]),
             *share_cells(item),
         ]
@@ -227,8 +227,18 @@ def show_extract(document: dict) -> None:
             f"{name} {' ± '.join(numbers(item, mean=1, sd=1))}" for name, item in beside.items()
         )
         print(f"Theory of the half-space without the specimen: {constants}")
-    header = ["constant", "mean", "sd", "95 %", *SHARES.values(), "verdict"]
+    header = ["constant", "mean, median", "sd", "95 %", *SHARES.values(), "verdict"]
     show_table("Elastic constants (GPa), and shares of their variance (%)", header, rows)
+    if rivals := document.get("diagnosis"):
+        best = rivals[0]
+        print(f"Best other model: {best['explanation']} (log odds {best['log_odds']:.1f})")
+
+
+def values_of(name: str, item: dict) -> list[str]:
+    """Mean and sd; of a constant that is not determined, the median alone."""
+    if item["verdict"] == "not_determined":
+        return [*numbers(item, median=digits_of(name)), "–"]
+    return numbers(item, **dict.fromkeys(("mean", "sd"), digits_of(name)))
 
 
 def after_extract(arguments: argparse.Namespace, document: dict) -> str:

@@ -1,0 +1,173 @@
+"""Whether other models of the measurements name injected faults, and whether clean tables are left
+alone: a confusion matrix of injected against named groups.
+
+Synthetic moduli by the exact theory, with normal noise of 2 %. The sizes of the faults were chosen
+before any result; no threshold was chosen on these crystals.
+
+    ./bayesindent bench diagnosis
+    ./bayesindent bench diagnosis --sets 1 --clean 20 --size 0.5
+"""
+
+import argparse
+import time
+import warnings
+from collections import Counter
+
+import numpy as np
+
+import bayesindent as bi
+from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
+
+#: Class and constants, GPa.
+CRYSTALS = {
+    "nickel": ("cubic", (248, 155, 124)),
+    "lead": ("cubic", (49.5, 42.3, 14.9)),
+    "cobalt": ("hexagonal", (307, 165, 75.5, 358, 103)),
+    "rutile": ("tetragonal", (269, 177, 146, 480, 124, 192)),
+    "quartz": ("trigonal", (86.8, 7.0, 11.9, -18.0, 105.8, 58.2)),
+}
+GRAINS, NOISE = 24, 0.02
+SHORT = {
+    "samples": 25,
+    "burn_in": 400,
+    "chains": 2,
+    "modulus_kind": "indentation_modulus",
+    "workers": 1,
+}
+
+
+def scaled(rows, factor):
+    """A fault that multiplies the moduli of some rows."""
+
+    def change(table, _, size):
+        table["modulus_gpa"][rows] *= 1 + size * factor
+
+    return change
+
+
+def shaped(shape):
+    """A fault that multiplies all moduli by a function of their place from -0.5 to 0.5."""
+
+    def change(table, rng, size):
+        place = np.linspace(-0.5, 0.5, GRAINS)
+        table["modulus_gpa"] *= 1 + size * shape(place, rng)
+
+    return change
+
+
+def turned(reading):
+    """A fault of the orientations."""
+
+    def change(table, _rng, _size):
+        table["euler_deg"] = reading(table["euler_deg"])
+
+    return change
+
+
+def inverted(euler):
+    """Angles of the inverse rotations."""
+    return np.column_stack([180 - euler[:, 2], euler[:, 1], 180 - euler[:, 0]])
+
+
+def shuffle(table, rng, _size):
+    """Rows in any order."""
+    table["euler_deg"] = table["euler_deg"][rng.permutation(GRAINS)]
+
+
+#: The group, and what is done to a table of the right moduli, or the class that is declared.
+FAULTS = {
+    "class above": ("symmetry", "isotropic"),
+    "cubic declared": ("symmetry", "cubic"),
+    "hexagonal declared": ("symmetry", "hexagonal"),
+    "drift of 10 %": ("time", shaped(lambda place, _: 0.10 * place)),
+    "drift of -15 %": ("time", shaped(lambda place, _: -0.15 * place)),
+    "session of 8 %": ("time", shaped(lambda place, _: 0.08 * (place > 0))),
+    "session of -12 %": ("time", shaped(lambda place, _: -0.12 * (place > 0.17))),
+    "noise of 6 %": ("noise", shaped(lambda place, rng: 0.06 * rng.normal(size=place.size))),
+    "noise of 10 %": ("noise", shaped(lambda place, rng: 0.10 * rng.normal(size=place.size))),
+    "one outlier": ("noise", scaled([5], 0.4)),
+    "two outliers": ("noise", scaled([3, 11], 0.3)),
+    "an outlier below": ("noise", scaled([7], -0.4)),
+    "five outliers": ("noise", scaled([1, 6, 9, 15, 20], 0.5)),
+    "second phase": ("noise", scaled(np.arange(0, GRAINS, 3), 0.6)),
+    "softer phase": ("noise", scaled(np.arange(1, GRAINS, 4), -0.35)),
+    "reverse order": ("orientations", turned(lambda euler: euler[::-1])),
+    "a row down": ("orientations", turned(lambda euler: np.roll(euler, 1, axis=0))),
+    "a row up": ("orientations", turned(lambda euler: np.roll(euler, -1, axis=0))),
+    "inverse": ("orientations", turned(inverted)),
+    "any order": ("orientations", shuffle),
+}
+
+
+def measured(crystal: str, seed: int) -> tuple[dict, np.random.Generator]:
+    """A right table."""
+    symmetry, constants = CRYSTALS[crystal]
+    rng = np.random.default_rng(seed)
+    euler = np.column_stack(
+        [
+            rng.uniform(0, 360, GRAINS),
+            np.degrees(np.arccos(rng.uniform(-1, 1, GRAINS))),
+            rng.uniform(0, 360, GRAINS),
+        ]
+    )
+    modulus = halfspace_modulus(stiffness_rows(symmetry, [constants])[0], euler)
+    noise = 1 + NOISE * rng.normal(size=GRAINS)
+    return {"euler_deg": euler, "modulus_gpa": modulus * noise, "sd_gpa": NOISE * modulus}, rng
+
+
+def diagnosed(table: dict, symmetry: str) -> dict:
+    """The document of a table."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return bi.summary(bi.extract(table, symmetry=symmetry, **SHORT))
+
+
+def named_group(document: dict) -> str:
+    """The group of the best explanation; 'none' if it is not above 3."""
+    best = document["diagnosis"][0]
+    return best["group"] if best["log_odds"] > 3 else "none"
+
+
+def main(argv=None) -> None:
+    """Print the confusion matrix and what is said of clean tables."""
+    parser = argparse.ArgumentParser(
+        prog="bench diagnosis",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--sets", type=int, default=5, help="tables for a fault and crystal")
+    parser.add_argument("--clean", type=int, default=200, help="tables without a fault")
+    parser.add_argument("--size", type=float, default=1.0, help="factor on the sizes of the faults")
+    arguments = parser.parse_args(argv)
+    began = time.process_time()
+    header = ["symmetry", "orientations", "time", "noise", "statements", "none"]
+    print("| fault | group | " + " | ".join(header) + " |")
+    print("|---|---|" + "---|" * len(header))
+    right = found = 0
+    for fault, (group, change) in FAULTS.items():
+        counts: Counter[str] = Counter()
+        for crystal, (symmetry, _) in CRYSTALS.items():
+            declared = change if isinstance(change, str) else symmetry
+            if isinstance(change, str) and declared == symmetry:
+                continue
+            for seed in range(arguments.sets):
+                table, rng = measured(crystal, 1000 + seed)
+                if not isinstance(change, str):
+                    change(table, rng, arguments.size)
+                counts[named_group(diagnosed(table, declared))] += 1
+        right += counts[group]
+        found += sum(counts.values())
+        cells = [str(counts[name] or "") for name in header]
+        print(f"| {fault} | {group} | " + " | ".join(cells) + " |", flush=True)
+    print(f"\nright group first: {right} of {found}")
+    crystals = list(CRYSTALS)
+    documents = [
+        diagnosed(measured(name, 5000 + i)[0], CRYSTALS[name][0])
+        for i in range(arguments.clean)
+        for name in [crystals[i % len(crystals)]]
+    ]
+    bad = ("other_model", "unexplained", "residuals_wrong", "limit_excludes")
+    refused = sum(any(item["code"] in bad for item in each["warnings"]) for each in documents)
+    above = sum(named_group(each) != "none" for each in documents)
+    print(f"{arguments.clean} clean tables: {refused} refused, {above} with log odds above 3")
+    print(f"{time.process_time() - began:.0f} CPU seconds")

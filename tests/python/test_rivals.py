@@ -1,0 +1,189 @@
+"""Other models of the measurements: injected faults are named, and make the result unusable where
+they change it; what is stated right stays usable.
+"""
+
+import numpy as np
+import pytest
+
+import bayesindent as bi
+from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
+from support.diagnostics import codes, of_code
+from support.step_2_cases import KIND
+
+SHORT = {"samples": 25, "burn_in": 400, "chains": 2} | KIND
+CRYSTALS = {
+    "copper": ("cubic", (168.4, 121.4, 75.4)),
+    "zinc": ("hexagonal", (163.7, 36.4, 38.8, 63.5, 53.0)),
+    "titanium": ("hexagonal", (162.4, 92.0, 46.7, 180.7, 69.0)),
+    "tin": ("tetragonal", (72.3, 59.4, 35.8, 88.4, 22.0, 24.0)),
+}
+
+
+def measured(name, grains=20, seed=1, noise=0.02, stated=0.02):
+    """A table of grains in random orientations by the exact theory."""
+    symmetry, constants = CRYSTALS[name]
+    rng = np.random.default_rng(seed)
+    euler = np.column_stack(
+        [
+            rng.uniform(0, 360, grains),
+            np.degrees(np.arccos(rng.uniform(-1, 1, grains))),
+            rng.uniform(0, 360, grains),
+        ]
+    )
+    modulus = halfspace_modulus(stiffness_rows(symmetry, [constants])[0], euler)
+    table = {
+        "euler_deg": euler,
+        "modulus_gpa": modulus * (1 + noise * rng.normal(size=grains)),
+        "sd_gpa": stated * modulus,
+    }
+    return table, rng
+
+
+def diagnosed(table, symmetry, **settings):
+    """The document, of which all that holds for any diagnosis is checked."""
+    document = bi.summary(bi.extract(table, symmetry=symmetry, **SHORT | settings))
+    odds = [rival["log_odds"] for rival in document["diagnosis"]]
+    assert odds == sorted(odds, reverse=True) and np.all(np.isfinite(odds))
+    for rival in document["diagnosis"]:
+        assert rival["group"] in ("symmetry", "orientations", "time", "noise", "statements")
+        assert rival["explanation"] and isinstance(rival["remedy"], str)
+        of_class = rival["remedy"].partition("symmetry = ")[2].strip("'") or symmetry
+        assert list(rival["constants"]) == list(constant_names(of_class))
+    return document
+
+
+def assert_unusable(document, *expected):
+    """Whether the result cannot be used for these reasons, and its headline is the first one."""
+    assert not document["usable"]
+    found = [item for item in document["warnings"] if item["severity"] == "unusable"]
+    assert set(expected) <= set(codes(found))
+    assert found[0]["code"] == expected[0]
+
+
+def test_zinc_declared_cubic():
+    table, _ = measured("zinc")
+    document = diagnosed(table, "cubic")
+    best = document["diagnosis"][0]
+    assert best["explanation"] == "hexagonal crystals" and best["log_odds"] > 500
+    assert best["remedy"] == "symmetry = 'hexagonal'"
+    assert_unusable(document, "other_model", "unexplained", "residuals_wrong")
+    assert "determined" not in [item["verdict"] for item in document["parameters"].values()]
+    # Once it is stated, nothing explains the measurements better.
+    again = diagnosed(table, "hexagonal")
+    assert again["diagnosis"][0]["log_odds"] < 3
+    assert not of_code(again["warnings"], "other_model", "other_model_likely")
+
+
+@pytest.mark.parametrize(
+    ("name", "stated", "expected"),
+    [("titanium", "cubic", "hexagonal"), ("tin", "cubic", "tetragonal")],
+)
+def test_wrong_class(name, stated, expected):
+    best = diagnosed(measured(name)[0], stated)["diagnosis"][0]
+    assert best["explanation"] == f"{expected} crystals" and best["log_odds"] > 20
+
+
+def test_seven_of_twenty_moduli_too_high():
+    table, rng = measured("copper")
+    rows = np.sort(rng.choice(20, 7, replace=False))
+    table["modulus_gpa"][rows] *= 1.6
+    document = diagnosed(table, "cubic")
+    assert document["diagnosis"][0]["group"] == "noise"
+    named = ", ".join(str(row + 1) for row in rows)
+    assert document["diagnosis"][0]["explanation"].endswith(f": {named}")
+    assert f"outliers: {named}" in [rival["explanation"] for rival in document["diagnosis"]]
+    assert_unusable(document, "other_model", "residuals_wrong")
+
+
+def test_two_outliers():
+    table, _ = measured("copper")
+    table["modulus_gpa"][[3, 11]] *= 1.3
+    best = diagnosed(table, "cubic")["diagnosis"][0]
+    assert best["explanation"] == "outliers: 4, 12" and best["log_odds"] > 100
+    # The constants without the outliers agree with those of the rest of the table.
+    kept = np.delete(np.arange(20), [3, 11])
+    rest = {name: np.asarray(values)[kept] for name, values in table.items()}
+    expected = bi.summary(
+        bi.extract(rest, symmetry="cubic", samples=1000, burn_in=2000, chains=2, **KIND)
+    )["parameters"]
+    for name, item in best["constants"].items():
+        assert item["mean"] == pytest.approx(expected[name]["mean"], abs=0.5 * expected[name]["sd"])
+
+
+def test_drift_with_the_rows():
+    table, _ = measured("copper")
+    table["modulus_gpa"] *= 1 + 0.1 * np.linspace(-0.5, 0.5, 20)
+    best = diagnosed(table, "cubic")["diagnosis"][0]
+    assert best["explanation"] == "a drift of the moduli with row" and best["log_odds"] > 7
+
+
+def test_sds_too_small():
+    table, _ = measured("copper", noise=0.06)
+    document = diagnosed(table, "cubic")
+    assert document["diagnosis"][0]["group"] == "noise"
+    assert document["diagnosis"][0]["log_odds"] > 10
+    assert_unusable(document, "other_model", "residuals_wrong")
+
+
+@pytest.mark.parametrize(
+    ("reading", "change"),
+    [
+        ("reverse order", lambda euler: euler[::-1]),
+        ("one row further up", lambda euler: np.roll(euler, 1, axis=0)),
+    ],
+)
+def test_readings_of_the_table(reading, change):
+    table, _ = measured("titanium", 30)
+    table["euler_deg"] = change(table["euler_deg"])
+    best = diagnosed(table, "hexagonal")["diagnosis"][0]
+    assert reading in best["explanation"] and best["log_odds"] > 7
+
+
+def test_shuffled_orientations():
+    table, rng = measured("titanium", 30)
+    table["euler_deg"] = table["euler_deg"][rng.permutation(30)]
+    document = diagnosed(table, "hexagonal")
+    assert document["checks"]["misfit"]["order_log_odds"] > 0
+    assert of_code(document["warnings"], "unexplained")
+
+
+@pytest.mark.parametrize("name", ["copper", "titanium", "tin"])
+def test_clean_tables(name):
+    table, _ = measured(name, 30, 4)
+    document = diagnosed(table, CRYSTALS[name][0])
+    assert document["diagnosis"][0]["log_odds"] < 3
+    assert not of_code(
+        document["warnings"], "other_model", "unexplained", "residuals_wrong", "limit_excludes"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("copper", {}),
+        ("titanium", {}),
+        ("copper", {"bounds": {"C11": (120, 200), "C12": (80, 150), "C44": (60, 90)}}),
+    ],
+)
+def test_evidence_against_bridge_sampling(name, settings):
+    """The last case is a ridge that bounds cut."""
+    table, _ = measured(name)
+    long = {"samples": 1500, "burn_in": 3000, "chains": 2, "evidence": True} | settings
+    document = diagnosed(table, CRYSTALS[name][0], **long)
+    assert document["checks"]["misfit"]["log_z"] == pytest.approx(
+        document["evidence"]["log_z"], abs=0.5
+    )
+
+
+def test_bounds_that_exclude_the_crystal():
+    table, _ = measured("copper", 40)
+    bounds = {"C11": (100, 300), "C12": (50, 250), "C44": (110, 160)}
+    document = diagnosed(table, "cubic", bounds=bounds)
+    assert_unusable(document, "limit_excludes")
+
+
+def test_object():
+    """`bi.analysis` has the same list as the document."""
+    table, _ = measured("copper")
+    found = bi.analysis(table, symmetry="cubic", **SHORT)
+    assert found.diagnosis() == found.summary()["diagnosis"]
