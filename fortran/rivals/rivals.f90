@@ -360,6 +360,8 @@ contains
       do i = 1, size(x, 2)
          x(:, i) = constants_at(posterior, found%fit%draws(:, i))
       end do
+      found%mean = spread(nan, 1, posterior%n_constants)
+      found%sd = found%mean
       call moments(x(:posterior%n_constants, :), found%mean, found%sd, found%fit%weights)
    end subroutine set_moments
 
