@@ -170,7 +170,9 @@ contains
    subroutine log_integral(density, chains, stream_offset, threads, value, variance, error)
       type(posterior_type), intent(in) :: density
       type(chains_type), intent(in) :: chains
+      !> Added to the numbers of the random streams; OpenMP threads.
       integer, intent(in) :: stream_offset, threads
+      !> The logarithm, and its variance.
       real(wp), intent(out) :: value, variance
       type(error_type), allocatable, intent(out) :: error
       type(mixture_type) :: fitted, mixture

@@ -29,6 +29,7 @@ module noise_rivals
          class(mixture_errors_type), intent(in) :: self
          !> Residuals in units of the scale, (measurement).
          real(wp), intent(in) :: r(:)
+         !> (measurement).
          real(wp), intent(out) :: log_ratio(:)
       end subroutine weigh_parts_interface
    end interface

@@ -9,6 +9,7 @@ module rivals
    use constants_posterior, only: posterior_type
    use drift_rivals, only: make_drift, make_session
    use errors, only: error_type
+   use further_knowledge, only: without_knowledge
    use kinds, only: nan, wp
    use model_checks, only: log_integral
    use model_evidence, only: fit_model, fit_type, log_mass
@@ -137,7 +138,10 @@ contains
          end if
          if (.not. stated%fit%found) return
       end associate
-      if (posterior%prior%is_cut()) call find_cuts(case%stated, case%crystal, diagnosis)
+      if (posterior%prior%is_cut()) then
+         call find_cuts(case%stated, case%crystal, diagnosis, error)
+         if (allocated(error)) return
+      end if
       rows = all_rows()
       do i = 1, size(rows)
          call add_row(case, rows(i), i, diagnosis, error)
@@ -182,10 +186,11 @@ contains
    end subroutine set_misfit
 
    !> Find how much of what the measurements determine without the limits is within the bounds.
-   subroutine find_cuts(stated, crystal, diagnosis)
+   subroutine find_cuts(stated, crystal, diagnosis, error)
       type(posterior_type), intent(in) :: stated
       real(wp), intent(in) :: crystal(6, 6)
       type(diagnosis_type), intent(inout) :: diagnosis
+      type(error_type), allocatable, intent(out) :: error
       !> Relative sd of a constant that the measurements determine.
       real(wp), parameter :: determined = 0.15_wp
       type(posterior_type) :: free
@@ -193,8 +198,10 @@ contains
       real(wp), allocatable :: x(:, :)
       integer :: i, j
 
-      free = stated
-      free%prior = stated%prior%without_limits()
+      ! Knowledge may contradict the measurements by itself.
+      call without_knowledge(stated, free, error)
+      if (allocated(error)) return
+      free%prior = free%prior%without_limits()
       call fit_model(free, crystal, .true., .false., found%fit)
       if (.not. found%fit%found) return
       call set_moments(free, found)

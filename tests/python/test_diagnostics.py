@@ -248,15 +248,15 @@ def test_the_module_of_a_page_has_its_cells():
 
 
 def test_what_makes_a_result_unusable_comes_first(batch, tmp_path):
-    """Limits that truncate the posterior are found before the knowledge that cannot be right."""
+    """Knowledge that cannot be right is named by the model without it; the rest follows from it."""
     table, stated = CASES["wrong"]
     done = batch(write_case(tmp_path, "wrong", table(), **stated), "--output", "out")
     document = json.loads((tmp_path / "out" / "summary.json").read_text())
     first, *others = document["warnings"]
-    assert (done.returncode, first["code"], document["usable"]) == (3, "knowledge_wrong", False)
-    assert document["reasons"] == [diagnostics.message(first)]
+    assert (done.returncode, first["code"], document["usable"]) == (3, "other_model", False)
+    assert first["subject"].startswith("bulk_modulus = 300")
+    assert document["reasons"][0] == diagnostics.message(first)
     assert "truncated" in codes(others)
-    assert "unusable" not in [found["severity"] for found in others]
 
 
 #: What depends on the clock, the folder, or on texts of diagnostics.

@@ -31,6 +31,7 @@ LAYERS = (
     "simulation",
     "surrogate",
     "inference",
+    "rivals",
     "campaign",
     "analysis",
     "training",
