@@ -52,9 +52,9 @@ contains
       rival%remedy = 'calibration_sd = '//to_text(session_sd, 2)//' with a column group'
       first = 1 + (k*n)/parts
       rival%explanation = 'another session from row '//to_text(case%points(min(n, first)))//' on'
-      if (any(case%stated%calibration > 0.0_wp) .or. n < parts) return
+      if (n < parts) return
       if (case%stated%n_groups > 1) then
-         if (k > 1) return
+         if (k > 1 .or. any(case%stated%laboratory%sd > 0.0_wp)) return
          rival%explanation = 'sessions (column group) with factors of their own'
          allocate (shared(n, case%stated%n_groups))
          do i = 1, n

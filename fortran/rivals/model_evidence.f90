@@ -8,7 +8,7 @@
 !> moved along the short axes to the ridge, and draws about it are weighted by the density.
 module model_evidence
    use abstract_sampler, only: outside, target_type
-   use constants_posterior, only: posterior_type, scale_range
+   use constants_posterior, only: posterior_type
    use errors, only: error_type
    use kinds, only: pi, wp
    use linear_algebra, only: symmetric_eigen
@@ -62,6 +62,11 @@ contains
       allocate (fit%maximum(n), fit%axes(n, n), source=0.0_wp)
       associate (k => posterior%n_constants)
          fit%maximum(:k) = posterior%prior%logarithms%to_logarithms(crystal)
+         do i = k + 1, n
+            associate (nuisance => posterior%nuisances(i - k))
+               if (nuisance%is_normal) fit%maximum(i) = nuisance%prior(1)
+            end associate
+         end do
       end associate
       do i = 1, n
          fit%axes(i, i) = first_axis
@@ -88,9 +93,16 @@ contains
    !> Logarithm of the integral of the prior over the working coordinates.
    real(wp) function log_mass(posterior)
       type(posterior_type), intent(in) :: posterior
+      integer :: i
 
       log_mass = posterior%prior%log_mass()
-      if (posterior%infers_scale) log_mass = log_mass + log(scale_range)
+      ! Normal priors of nuisances are normalised in the density.
+      do i = 1, size(posterior%nuisances)
+         associate (nuisance => posterior%nuisances(i))
+            if (nuisance%is_normal) cycle
+            log_mass = log_mass + log(nuisance%prior(2) - nuisance%prior(1))
+         end associate
+      end do
    end function log_mass
 
    !> Find the maximum, starting from the point and the axes of `fit`, and Laplace's approximation.

@@ -32,6 +32,7 @@ SHORT = {
     "burn_in": 400,
     "chains": 2,
     "modulus_kind": "indentation_modulus",
+    "technique": "exact",
     "workers": 1,
 }
 
