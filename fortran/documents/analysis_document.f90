@@ -7,6 +7,7 @@ module analysis_document
    use diagnostics, only: is_usable
    use errors, only: error_type, refuse
    use analysis, only: analysis_type
+   use diagnosis_document, only: write_diagnosis
    use files, only: file_exists
    use json, only: json_type
    use kinds, only: i8, nan, wp
@@ -86,7 +87,7 @@ contains
       if (allocated(found%evidence)) then
          call page%put_numbers('log_z, sd', [found%evidence%log_z, found%evidence%sd], 'evidence')
       end if
-      call write_diagnosis(page, found)
+      call write_diagnosis(page, found%diagnosis)
       call write_sensitivity()
       if (found%field_degree > 0) then
          call page%begin_object('theory')
@@ -299,31 +300,6 @@ contains
       end associate
       call page%end_array()
    end subroutine write_predicted
-
-   !> Write what else explains the measurements, the best first.
-   subroutine write_diagnosis(page, found)
-      type(json_type), intent(inout) :: page
-      type(analysis_type), intent(in) :: found
-      integer :: i, j
-
-      call page%begin_array('diagnosis')
-      do i = 1, size(found%diagnosis%rivals)
-         associate (rival => found%diagnosis%rivals(i))
-            call page%begin_object()
-            call page%put('explanation', rival%explanation)
-            call page%put('group', rival%group)
-            call page%put('log_odds', rival%log_odds)
-            call page%begin_object('constants')
-            do j = 1, size(rival%mean)
-               call page%put_numbers('mean, sd', [rival%mean(j), rival%sd(j)], rival%names(j))
-            end do
-            call page%end_object()
-            call page%put('remedy', rival%remedy)
-            call page%end_object()
-         end associate
-      end do
-      call page%end_array()
-   end subroutine write_diagnosis
 
    !> Write combinations of the constants, quantities in the posterior and in the prior, and the
    !> expected gains from further knowledge.
