@@ -105,7 +105,11 @@ contains
          call new_posterior(case%surrogate, prior, stated%settings, &
             & case%problem%settings%sampler%surrogate_variance == 'full', stated%data, &
             & rival%posterior, error)
-         if (allocated(error)) return
+         if (allocated(error)) then
+            ! The surrogate has no crystals of the class.
+            deallocate (error, rival%posterior)
+            return
+         end if
          if (stated%grains%has_theory) then
             call rival%posterior%set_field_degree(stated%grains%field_degree, error)
          end if

@@ -207,4 +207,4 @@ def test_the_examples_of_the_help_are_understood(example):
 
 
 def test_there_are_examples():
-    assert len(examples()) == 7
+    assert len(examples()) == 8

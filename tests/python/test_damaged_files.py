@@ -326,8 +326,8 @@ def test_bits_of_a_posterior(sampled, tmp_path, capsys):
     folder = shutil.copytree(sampled, tmp_path / "out")
     path = folder / "posterior.bin"
     content, values = path.read_bytes(), read_posterior(folder)
-    drawn = numbers(read_rows(folder / "posterior.csv"), ["C11", "C12", "C44"])
-    assert values["draws"].reshape(-1, 3).tolist() == drawn.tolist()
+    drawn = numbers(read_rows(folder / "posterior.csv"), ["C11", "C12", "C44", "contrast"])
+    assert values["draws"].reshape(-1, 4).tolist() == drawn.tolist()
     for bad in [
         b"",
         content[:-1],

@@ -109,8 +109,6 @@ class Results:
                 self.documents[stage] = document
             elif document:
                 self.outdated.append(stage)
-        if not (self.manifest or self.outdated or any(self.documents.values())):
-            raise InputError(f"{folder}: there are no results; bayesindent run FILE.nml makes them")
         self.edited = changed_inputs(folder)
         if self.extracted and not (folder / "posterior.bin").exists():
             self.edited.append(diagnostic("posterior_missing", f"{folder / 'posterior.bin'}"))

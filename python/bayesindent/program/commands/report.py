@@ -4,7 +4,7 @@ import argparse
 import gc
 from pathlib import Path
 
-from ...core import call
+from ...core import InputError, call
 from ..command import PATIENCE_S, Command, output_folder
 
 
@@ -28,7 +28,10 @@ def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = Fals
 
 def report(arguments: argparse.Namespace) -> dict:
     """Report on a folder to which no other process writes."""
-    arguments.output = arguments.output or arguments.folder
+    folder = arguments.folder
+    if folder.is_dir() and not arguments.paper and not any(folder.glob("*.json")):
+        raise InputError(f"{folder}: there are no results; bayesindent run FILE.nml makes them")
+    arguments.output = arguments.output or folder
     output = output_folder(
         arguments, arguments.folder, PATIENCE_S if arguments.folder.is_dir() else None
     )
