@@ -159,8 +159,9 @@ contains
 
       do i = 1, found%posterior%n_constants
          associate (share => found%diagnosis%share_within(i))
-            if (share < least_within) call found%warn('limit_excludes', trim(found%names(i)), &
-               & [100.0_wp*(1.0_wp - share)])
+            if (share < least_within) then
+               call found%warn('limit_excludes', trim(found%names(i)), [100.0_wp*(1.0_wp - share)])
+            end if
          end associate
       end do
    end subroutine check_cuts

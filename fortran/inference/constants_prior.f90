@@ -267,9 +267,10 @@ contains
          ! A normal density in contrast and scale, whose Jacobian is 1/sqrt 5, and Student's t.
          k = self%n_constants - 2
          log_mass = log(2.0_wp*pi*sqrt(5.0_wp)*contrast_sd*scale_sd) + log(self%share_drawn)
-         if (k > 0) log_mass = log_mass + log_gamma(0.5_wp*freedom) &
-            & - log_gamma(0.5_wp*(freedom + k)) &
-            & + 0.5_wp*k*log(freedom*pi*anisotropy_scale**2/k)
+         if (k > 0) then
+            log_mass = log_mass + log_gamma(0.5_wp*freedom) - log_gamma(0.5_wp*(freedom + k)) &
+               & + 0.5_wp*k*log(freedom*pi*anisotropy_scale**2/k)
+         end if
          return
       end if
       ! The constant that `log_volume` leaves out: at K = 1 the derivative of log K is that of K.

@@ -157,8 +157,10 @@ contains
                i = findloc([allocated(stated%thickness_um), allocated(stated%substrate_young_gpa), &
                   & allocated(stated%substrate_symmetry), allocated(stated%substrate_constants)], &
                   & .true., 1)
-               if (i > 0) call refuse(error, 'the file of layers has it; remove '//trim(names(i)) &
-                  & //', or layers', variable=trim(names(max(1, i))))
+               if (i > 0) then
+                  call refuse(error, 'the file of layers has it; remove '//trim(names(i)) &
+                     & //', or layers', variable=trim(names(i)))
+               end if
                film%thickness = problem%layers%thickness
                film%c = problem%layers%stiffness
                specimen%crystal = problem%layers%crystal

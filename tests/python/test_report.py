@@ -185,7 +185,8 @@ def test_a_result_that_cannot_be_used(tmp_path, capsys, few_figures):
     assert not (output / "next.json").exists()
     page = (output / "report.html").read_text()
     assert 'role="alert"' in page
-    assert page.index(words.strip()) < page.index("Elastic constants in GPa")
+    reason = first.removeprefix(words).split(",")[0]
+    assert page.index(f"Not usable: {reason}") < page.index("Elastic constants in GPa")
     assert main(["extract", str(file), "--output", str(output), "--json"]) == 3
     captured = capsys.readouterr()
     document = json.loads(captured.out)

@@ -42,10 +42,8 @@ def add_orientations_of_file(table: LaboratoryTable, path: Path, by: str) -> Non
         raise InputError(f"the table of moduli has orientations too: the column {given[0]}")
     other = orientations_of_file(path)
     columns = [name for name in other.meanings if name in ANGLES or name in DIRECTIONS]
-    rows = {
-        line: [other.cells.at[line, other.column(name)] for name in columns]
-        for line in other.cells.index
-    }
+    cells = other.cells[[other.column(name) for name in columns]]
+    rows = {line: list(row) for line, *row in cells.itertuples()}
     if by == "order":
         if len(rows) != len(table.cells):
             raise InputError(f"{len(rows)} orientations for {len(table.cells)} rows of moduli")

@@ -210,13 +210,18 @@ def extract(problem: Problem, output: Path) -> dict:
     return document
 
 
+def interval_of(name: str, item: dict) -> str:
+    """The 95 % interval of a parameter."""
+    return " .. ".join(number(value, digits_of(name)) for value in item["hdi_95"])
+
+
 def show_extract(document: dict) -> None:
     """Print what the constants follow from, and their table."""
     rows = [
         [
             name,
             *values_of(name, item),
-            " .. ".join(number(value, digits_of(name)) for value in item["hdi_95"]),
+            interval_of(name, item),
             *share_cells(item),
         ]
         for name, item in document["parameters"].items()
