@@ -34,6 +34,7 @@ def test_no_number_of_the_answer_is_cut(capsys, monkeypatch):
     item = {
         "mean": 1076.04,
         "sd": 123.46,
+        "median": 1001.04,
         "hdi_95": [-234.56, 1234.56],
         "share": share,
         "verdict": "not_determined",
@@ -45,7 +46,7 @@ def test_no_number_of_the_answer_is_cut(capsys, monkeypatch):
         show_extract(document)
         lines = capsys.readouterr().out.splitlines()[-22:]
         assert [line.split()[:6] for line in lines[1:]] == [
-            [name, "1076.0", "123.5", "-234.6", "..", "1234.6"] for name in names
+            [name, "1001.0", "–", "-234.6", "..", "1234.6"] for name in names
         ]
     assert max(map(len, lines)) <= 82
 
