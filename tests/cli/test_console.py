@@ -46,7 +46,7 @@ def test_no_number_of_the_answer_is_cut(capsys, monkeypatch):
         show_extract(document)
         lines = capsys.readouterr().out.splitlines()[-22:]
         assert [line.split()[:6] for line in lines[1:]] == [
-            [name, "1001.0", "–", "-234.6", "..", "1234.6"] for name in names
+            [name, "1001.0", "median", "-234.6", "..", "1234.6"] for name in names
         ]
     assert max(map(len, lines)) <= 82
 

@@ -232,7 +232,7 @@ def show_extract(document: dict) -> None:
             f"{name} {' ± '.join(numbers(item, mean=1, sd=1))}" for name, item in beside.items()
         )
         print(f"Theory of the half-space without the specimen: {constants}")
-    header = ["constant", "mean, median", "sd", "95 %", *SHARES.values(), "verdict"]
+    header = ["constant", "mean", "sd", "95 %", *SHARES.values(), "verdict"]
     show_table("Elastic constants (GPa), and shares of their variance (%)", header, rows)
     if rivals := document.get("diagnosis"):
         best = rivals[0]
@@ -242,7 +242,7 @@ def show_extract(document: dict) -> None:
 def values_of(name: str, item: dict) -> list[str]:
     """Mean and sd; of a constant that is not determined, the median alone."""
     if item["verdict"] == "not_determined":
-        return [*numbers(item, median=digits_of(name)), "–"]
+        return [*numbers(item, median=digits_of(name)), "median"]
     return numbers(item, **dict.fromkeys(("mean", "sd"), digits_of(name)))
 
 
