@@ -154,10 +154,15 @@ def check_page(text):
     page.feed(text)
     assert page.open == []
     # Every section has a picture but tables of grains and where the results come from.
-    assert page.illustrated == {*page.headings[1:]} - {"Grains and quantities", "Provenance"}
+    assert page.illustrated == {*page.headings[1:]} - {
+        "What no measurement can refute",
+        "Grains and quantities",
+        "Provenance",
+    }
     assert all(len(words) > 20 for words in page.pictures)
     assert page.headings[1:] == [
         "What to do next",
+        "What no measurement can refute",
         "The result in figures",
         "How well the surrogate predicts",
         "Grains and quantities",
