@@ -170,12 +170,16 @@ contains
 
       allocate (covariance(0, 0))
       if (with_covariance) covariance = surrogate%covariance
+      allocate (trained(3, 0))
       associate (known => surrogate%simulations)
-         n = size(known%modulus)
-         first = max(1, n + 1 - most_trained)
-         allocate (trained(size(known%constants, 1) + 3, n + 1 - first))
-         trained(:size(known%constants, 1), :) = known%constants(:, first:)
-         trained(size(known%constants, 1) + 1:, :) = known%euler_deg(:, first:)
+         if (allocated(known%modulus)) then
+            n = size(known%modulus)
+            first = max(1, n + 1 - most_trained)
+            trained = reshape([real(wp) ::], [size(known%constants, 1) + 3, n + 1 - first], &
+               & [0.0_wp])
+            trained(:size(known%constants, 1), :) = known%constants(:, first:)
+            trained(size(known%constants, 1) + 1:, :) = known%euler_deg(:, first:)
+         end if
       end associate
       call surrogate%basis%new_grain_model(class, surrogate%coefficients, covariance, trained, &
          & model, error)

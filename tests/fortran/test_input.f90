@@ -16,6 +16,7 @@ program test_input
    use settings_schema, only: list_settings
    use settings_checks, only: check_settings
    use settings_reader, only: read_settings
+   use film_theory, only: film_name
    use specimens, only: geometry_names
    use text, only: join, number_malformed, number_not_finite, number_ok, number_text, &
       & read_integer, read_real, split_list
@@ -173,7 +174,7 @@ contains
          end associate
       end do
       call check_words(s, 'problem', 'symmetry', crystal_class_names())
-      call check_words(s, 'specimen', 'geometry', geometry_names)
+      call check_words(s, 'specimen', 'geometry', geometry_names//', '//film_name)
       call check_words(s, 'indenter', 'shape', indenter_names)
       call check_words(s, 'surrogate', 'model', basis_names)
       call check_words(s, 'surrogate', 'truncation', truncation_names)

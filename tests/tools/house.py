@@ -24,6 +24,7 @@ LAYERS = (
     "simulation",
     "surrogate",
     "inference",
+    "rivals",
     "campaign",
     "analysis",
     "training",
