@@ -19,6 +19,7 @@ SETTINGS = {
     "modulus_kind": "indentation_modulus",
     "bounds": BOUNDS,
     "samples": 5000,
+    "technique": "exact",
 }
 NAMELIST = f"""
 &problem symmetry = 'cubic' synthetic = .true. /

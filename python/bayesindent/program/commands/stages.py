@@ -232,8 +232,8 @@ def show_extract(document: dict) -> None:
             f"{name} {' ± '.join(numbers(item, mean=1, sd=1))}" for name, item in beside.items()
         )
         print(f"Theory of the half-space without the specimen: {constants}")
-    if rivals := document.get("diagnosis"):
-        best = rivals[0]
+    rivals = document.get("diagnosis")
+    if rivals and (best := rivals[0])["log_odds"] > 0:
         print(f"Best other model: {best['explanation']} (log odds {best['log_odds']:.1f})")
     header = ["constant", "mean", "sd", "95 %", *SHARES.values(), "verdict"]
     show_table("Elastic constants (GPa), and shares of their variance (%)", header, rows)
