@@ -111,7 +111,7 @@ contains
       end associate
    end subroutine check_rivals
 
-   !> Whether another model moves a determined constant by more than an sd, or changes its sd by
+   !> Whether another model moves a determined constant by more than an sd, or makes its sd larger by
    !> more than a half.
    logical function changes_result(found, other)
       type(analysis_type), intent(in) :: found
@@ -129,7 +129,7 @@ contains
          if (j == 0) cycle
          associate (stated => found%parameters(i))
             changes_result = changes_result .or. .not. (abs(other%mean(j) - stated%mean) &
-               & < stated%sd .and. abs(log(other%sd(j)/stated%sd)) < log(greatest_change))
+               & < stated%sd .and. other%sd(j) < greatest_change*stated%sd)
          end associate
       end do
    end function changes_result

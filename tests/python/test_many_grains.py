@@ -11,7 +11,6 @@ from scipy.stats import multivariate_normal, norm
 import bayesindent as bi
 from bayesindent.crystal.elasticity import stiffness_rows
 from support.densities import Posterior
-from support.diagnostics import of_code
 from support.learner import spread_of, terms_of
 from support.tree import REFERENCE
 
@@ -133,8 +132,9 @@ def test_chains_of_many_grains_have_the_density_of_all_of_them(kind):
 
 @pytest.mark.long
 def test_many_grains_that_disagree_are_named_if_chance_does_not_explain_them():
-    angles, moduli = measured(600, seed=4)
-    moduli[[7, 300]] += [20, -20]
+    # Of more than 200 grains rivals compare some only (docs/inference.md).
+    angles, moduli = measured(200, seed=4)
+    moduli[[7, 100]] += [20, -20]
     found = bi.extract(
         table_of(angles, moduli, 3.0),
         symmetry="cubic",
@@ -144,10 +144,10 @@ def test_many_grains_that_disagree_are_named_if_chance_does_not_explain_them():
         workers=1,
         **KIND,
     )
-    named = [each["subject"] for each in of_code(bi.summary(found)["warnings"], "outlier")]
-    assert sorted(named) == ["301", "8"]
+    named = [rival["explanation"] for rival in bi.summary(found)["diagnosis"]]
+    assert "outliers: 8, 101" in named
     draws = np.stack([found.posterior[name].values.ravel() for name in COPPER], axis=1)[::20]
-    predicted = found.predictions["modulus"].values.reshape(-1, 600)[::20]
+    predicted = found.predictions["modulus"].values.reshape(-1, 200)[::20]
     errors = (
         predicted - bi.halfspace_modulus(stiffness_rows("cubic", draws)[:, None], angles)
     ) / 3.0

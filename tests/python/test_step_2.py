@@ -143,9 +143,8 @@ def test_outlying_grain_is_named(surrogates):
         )
         for likelihood in ("normal", "student")
     )
-    for result in (normal, student):
-        found = of_code(bi.summary(result)["warnings"], "outlier")
-        assert "5" in [each["subject"] for each in found]
+    found = [rival["explanation"] for rival in bi.summary(normal)["diagnosis"]]
+    assert "outliers: 5" in found
     # Student's t gives it less weight.
     others = [result.predictions["modulus"].mean().item() for result in (normal, student)]
     assert others[0] - others[1] > 1.0
