@@ -242,6 +242,7 @@ def test_waves_that_are_not_detected_are_left_out():
             velocities={key: np.concatenate([waves[key], false[key]]) for key in waves},
             density_kg_m3=8960.0,
             samples=500,
+            technique="exact",
         )
     document = bi.summary(result)
     assert document["velocities_left_out"] >= 2
