@@ -111,8 +111,8 @@ contains
       end associate
    end subroutine check_rivals
 
-   !> Whether another model moves a determined constant by more than an sd, or makes its sd larger by
-   !> more than a half.
+   !> Whether another model moves a determined constant by more than an sd, or has an sd that is
+   !> more than half as large again. Smaller ones matter less: the stated sds are then cautious.
    logical function changes_result(found, other)
       type(analysis_type), intent(in) :: found
       type(explanation_type), intent(in) :: other
