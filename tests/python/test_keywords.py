@@ -19,7 +19,7 @@ from support.theory_cases import theory_surrogate
 from support.tree import SOURCE
 
 IRON = SOURCE / "inputs" / "data" / "fe3si.csv"
-FEW = {"draws": 300, "burn_in": 300, "chains": 2}
+FEW = {"draws": 300, "burn_in": 300, "chains": 2, "technique": "exact"}
 KNOWN = {"bulk_modulus": (165, 3)}
 COPPER = (168.4, 121.4, 75.4)
 

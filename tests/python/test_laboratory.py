@@ -285,7 +285,8 @@ def test_titanium_with_the_bulk_modulus_alone():
     assert document["parameters"]["C44"]["verdict"] != "determined"
     budget = document["error_budget"]["C44"]
     assert sum(budget.values()) == pytest.approx(1)
-    assert budget["contrast"] > 0.1
+    # The laboratory's factor and contrast, not the scatter of the moduli, limit C44.
+    assert budget["calibration"] + budget["contrast"] > 5 * (budget["noise"] + budget["grains"])
 
 
 def test_clean_tables_read_as_oliver_pharr():

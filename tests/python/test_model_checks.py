@@ -231,8 +231,9 @@ def test_what_is_off_is_told(surrogates, likelihood):
     if likelihood == "normal":
         (named,) = of_code(worst, "other_model", "other_model_likely")
         assert "outliers: 5" in named["subject"]
-        assert "residuals_large" in codes(noisy)
-    assert "residuals_small" in codes(smooth)
+        assert "residuals_wrong" in codes(noisy)
+    (wide,) = of_code(smooth, "other_model", "other_model_likely")
+    assert "sds that are wrong by a common factor" in wide["subject"]
     assert not of_code(
         well,
         "other_model",
