@@ -303,57 +303,38 @@ def test_the_name_of_a_table_changes_no_verdict(tmp_path, few_figures, monkeypat
 
 
 def build_without_sentences(folder: Path) -> Path:
-    """The batch program of a copy of the sources whose sentences are their codes, with the options
-    of the build that is tested.
-    """
-    copy = folder / "copy"
-    copy.mkdir()
-    for name in ("fortran", "cpp", "python", "tests", "docs"):
-        shutil.copytree(SOURCE / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
-    for file in SOURCE.glob("meson*"):
-        shutil.copy(file, copy)
-    page = copy / "docs" / "diagnostics.md"
-    text = page.read_text()
+    """The batch program that is tested, linked anew with codes in place of all sentences."""
+    text = (SOURCE / "docs" / "diagnostics.md").read_text()
     for code, row in ROWS.items():
         line = next(line for line in text.splitlines() if line.startswith(f"| {code} |"))
         text = text.replace(line, line.replace(f"| {row['sentence']} |", f"| {code} |"))
-    page.write_text(text)
     assert {row["sentence"] for row in rows_of(text)} == set(ROWS)
+    page = folder / "diagnostics.md"
+    page.write_text(text)
+    copy = folder / "build"
+    for name in ("fortran", "cpp", "python/bayesindent/data"):
+        shutil.copytree(BUILD / name, copy / name)
 
-    # The tools beside this Python.
+    program = "fortran/bayesindent-batch"
+    # Ninja may stand beside this Python.
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-
-    def run(*words) -> str:
-        done = subprocess.run(
-            words,
-            cwd=copy,
-            env=os.environ | {"PATH": path},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, (done.stdout + done.stderr)[-3000:]
-        return done.stdout
-
-    options = json.loads(run("meson", "introspect", "--buildoptions", str(BUILD)))
-    stated = [
-        f"-D{option['name']}={str(option['value']).lower()}"
-        for option in options
-        if option["name"] in ("optimization", "native", "b_ndebug")
-    ]
-    run("meson", "setup", str(folder / "build"), *stated)
-    run(
-        "ninja",
-        "-C",
-        str(folder / "build"),
-        "fortran/bayesindent-batch",
-        "python/bayesindent/py.typed",
+    ninja = shutil.which("ninja", path=path)
+    listed = subprocess.run(
+        [ninja, "-C", BUILD, "-t", "commands", program], capture_output=True, text=True, check=True
     )
-    return folder / "build" / "fortran" / "bayesindent-batch"
+    *steps, link = [line for line in listed.stdout.splitlines() if "ninja: " not in line]
+    steps = [step for step in steps if re.search(r"\bdiagnostics(_rows)?\.f90\b", step)]
+    for step in [*steps, link]:
+        words = step.split()
+        outside = {word for word in words if word.startswith("..")}
+        words = [str((BUILD / word).resolve()) if word in outside else word for word in words]
+        words = [str(page) if word.endswith("docs/diagnostics.md") else word for word in words]
+        subprocess.run(" ".join(words), shell=True, cwd=copy, check=True)
+    return copy / program
 
 
 @pytest.mark.long
-@pytest.mark.skipif(not BUILD or SANITIZED, reason="a build of the same options is needed")
+@pytest.mark.skipif(not BUILD or SANITIZED, reason="the objects of a build are needed")
 def test_nothing_but_texts_depends_on_the_sentences(tmp_path):
     """A program that has codes for sentences: the same status, verdicts and documents, for cases
     that give most of the warnings of Step 2, and for the checks of all namelists of inputs/.

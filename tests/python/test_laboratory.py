@@ -12,7 +12,7 @@ from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
 from support.densities import Posterior
 from support.diagnostics import codes
 from support.step_2_cases import crystal
-from support.tree import REFERENCE
+from support.tree import SOURCE
 
 COPPER, BULK = (168.4, 121.4, 75.4), {"bulk_modulus": (137.1, 2.0)}
 NAMES = ("C11", "C12", "C44")
@@ -48,7 +48,7 @@ def measured(symmetry, constants, n=20, seed=3, *, factor=1.0, contrast=1.0, noi
 
 
 def titanium():
-    table = row_table(REFERENCE / "measured_titanium.csv")
+    table = row_table(SOURCE / "inputs" / "data" / "titanium_measured.csv")
     names = (*ANGLES, "sample_modulus_gpa", "sd_gpa")
     return {name: np.array(table[name], float) for name in names}
 
