@@ -13,10 +13,10 @@ module analysis
    use halfspace_theory, only: halfspace_moduli
    use kinds, only: nan, wp
    use omp_lib, only: omp_get_wtime
-   use model_checks, only: check_model, checks_type, estimate_evidence, evidence_type
+   use model_checks, only: check_model, checks_type
    use posterior_summary, only: find_maximum, combination_type, find_combinations, parameter_type, &
       & predict_grains, predictions_type, summarise_parameters, thinning
-   use prior_sensitivity, only: change_type, limit_type, list_limits, measure_sensitivity
+   use prior_limits, only: limit_type, list_limits
    use problem, only: problem_type
    use field_reading, only: allowed_error, choose_field_degree, find_field_error
    use problem_posterior, only: free_run, new_table_posterior, &
@@ -66,11 +66,8 @@ module analysis
       type(checks_type) :: checks
       !> Other models of the same measurements.
       type(diagnosis_type) :: diagnosis
-      !> The limits of the support, and the results with other priors.
+      !> The limits of the support.
       type(limit_type), allocatable :: limits(:)
-      type(change_type), allocatable :: changes(:)
-      !> Of the model and its prior, if &sampler asks for it.
-      type(evidence_type), allocatable :: evidence
       !> Degree of the harmonics that represent the half-space theory, 0 if the surrogate has none,
       !> and the error of the worst grain from this, in its sds.
       integer :: field_degree = 0
@@ -125,12 +122,6 @@ contains
       end if
       call find_conflict(self%posterior, self%chains, free_chains, self%conflict, error)
       if (allocated(error)) return
-      if (self%problem%settings%sampler%evidence) then
-         allocate (self%evidence)
-         call estimate_evidence(self%posterior, self%chains, prior, self%prior_chains, &
-            & self%problem%threads(), self%evidence, error)
-         if (allocated(error)) return
-      end if
       call summarise(self, error)
       if (allocated(error)) return
       if (size(self%surrogate%simulations%modulus) == 0) return
@@ -188,6 +179,7 @@ contains
       integer, parameter :: checked_draws = 1000, most_attempts = 6
       real(wp), allocatable :: test_draws(:, :), new_draws(:, :)
       integer :: attempt, threads
+      logical :: is_hopeless
 
       threads = self%problem%threads()
       if (.not. self%posterior%grains%has_theory) then
@@ -198,14 +190,14 @@ contains
       if (allocated(error)) return
       test_draws = flattened(self%chains%draws)
       do attempt = 1, most_attempts
-         call choose_field_degree(self%posterior, test_draws, threads, error)
+         call choose_field_degree(self%posterior, test_draws, threads, error, is_hopeless)
          if (allocated(error)) return
          call sample_posterior(self%problem, self%posterior, self%chains, error)
          if (allocated(error)) return
          new_draws = thinned(self%chains%draws, checked_draws)
          call find_field_error(self%posterior, new_draws, threads, self%field_error, error)
          if (allocated(error)) return
-         if (self%field_error < allowed_error) exit
+         if (self%field_error < allowed_error .or. is_hopeless) exit
          ! Chains with too low a degree go astray, and the next ones may not return to the earlier
          ! draws. The degree must therefore suffice for both.
          test_draws = reshape([test_draws, new_draws], &
@@ -237,8 +229,8 @@ contains
          call check_model(posterior, chains, threads, self%checks)
          self%most_probable = chains%best_draw()
          call find_maximum(posterior, chains, self%most_probable)
-         call compare_rivals(self%problem, self%surrogate, posterior, chains, &
-            & self%most_probable, self%diagnosis, error)
+         call compare_rivals(self%problem, self%surrogate, posterior, self%most_probable, &
+            & self%diagnosis, error)
          if (allocated(error)) return
          draws = flattened(chains%draws(:, ::self%predictions%stride, :))
          prior_draws = flattened(self%prior_chains%draws(:, ::thinning(self%prior_chains, 1), :))
@@ -257,9 +249,7 @@ contains
          call list_assumptions(posterior, self%parameters(:k)%mean, self%parameter_shares(:k), &
             & self%assumptions, error)
          if (allocated(error)) return
-         draws(k + 1:, :) = exp(draws(k + 1:, :))
          self%limits = list_limits(posterior%prior, draws)
-         call measure_sensitivity(posterior, draws, self%limits, self%changes)
          call expect_gains(posterior%prior, chains%draws, self%gains)
          call evaluate_draws(self%quantities, posterior%prior%class, &
             & flattened(self%prior_chains%draws), prior_values)

@@ -9,9 +9,8 @@ module posterior_diagnostics
    use files, only: printable
    use indenters, only: indenter_type, new_indenter
    use kinds, only: pi, wp
-   use prior_sensitivity, only: change_type, is_truncated
+   use prior_limits, only: is_truncated
    use rivals, only: explanation_type
-   use statistics, only: chi_square_above
    use text, only: fixed, to_text
    use variance_shares, only: verdict_of
    implicit none
@@ -76,8 +75,6 @@ contains
       n = size(found%warnings)
       call check_determined(found)
       if (size(found%warnings) > n) call check_gains(found)
-      call check_prior(found)
-      if (all(found%problem%measurements%sd_gpa > 0.0_wp)) call check_scale(found)
       if (.not. (is_explained .or. is_truncated(found%limits))) call check_residuals(found)
    end subroutine check_analysis
 
@@ -331,87 +328,20 @@ contains
       text = text(2:)
    end function powers_text
 
-   !> An inferred factor on the sds above two.
-   subroutine check_scale(found)
-      type(analysis_type), intent(inout) :: found
-      real(wp), parameter :: greatest = 2.0_wp
-
-      associate (scale => found%parameters(size(found%names)))
-         if (found%posterior%infers_scale .and. scale%mean > greatest &
-            & .and. scale%hdi_95(1) > 1.0_wp) then
-            call found%warn('scale_hides', numbers=[scale%mean, &
-               & sum((found%checks%residuals*scale%mean)**2), real(found%posterior%n_grains, wp)])
-         end if
-      end associate
-   end subroutine check_scale
-
    !> Residuals that are improbably large or small.
    subroutine check_residuals(found)
       type(analysis_type), intent(inout) :: found
       real(wp), parameter :: rare = 0.01_wp, rare_below = 0.05_wp
-      real(wp) :: least, below
-      integer :: freedom
 
-      ! Chi-square about the mean prediction. The mean chi-square of the draws is larger by the
-      ! number of parameters that the measurements determine. The degrees of freedom, less by that
-      ! number, are rounded up from 3/4 on.
-      associate (checks => found%checks, n_grains => found%posterior%n_grains)
-         least = sum(checks%residuals**2)
-         freedom = int(n_grains - checks%chi_square + least + 0.25_wp)
-         below = 1.0_wp - chi_square_above(least, max(1, freedom))
-         if (checks%chi_square_p <= rare) then
-            call found%warn('residuals_large', numbers=[checks%chi_square, &
-               & real(n_grains, wp), 100.0_wp*checks%chi_square_p])
-         else if (freedom > 0 .and. below < rare_below) then
-            call found%warn('residuals_small', &
-               & numbers=[least, real(freedom, wp), 100.0_wp*below])
+      associate (numbers => [found%diagnosis%chi_square, found%diagnosis%freedom], &
+         & p => found%diagnosis%p)
+         if (p < rare) then
+            call found%warn('residuals_large', numbers=[numbers, 100.0_wp*p])
+         else if (p > 1.0_wp - rare_below) then
+            call found%warn('residuals_small', numbers=[numbers, 100.0_wp*(1.0_wp - p)])
          end if
       end associate
    end subroutine check_residuals
-
-   !> Limits of the prior, or its measure, on which the result depends, each with the parameter that
-   !> moves most.
-   subroutine check_prior(found)
-      type(analysis_type), intent(inout) :: found
-      !> Shift that needs a warning, in sds; and the greatest number of shifts that are listed.
-      real(wp), parameter :: least_shift = 0.1_wp
-      integer, parameter :: most = 3
-      real(wp) :: largest(size(found%changes))
-      integer :: i, round
-
-      associate (changes => found%changes)
-         ! NaN is left out, and there may be no other shift.
-         largest = [(maxval(abs(changes(i)%shift), mask=abs(changes(i)%shift) > 0.0_wp), i=1, &
-            & size(changes))]
-         do round = 1, min(most, size(largest))
-            i = maxloc(largest, dim=1)
-            if (.not. largest(i) > least_shift) exit
-            call warn_of_change(found, changes(i))
-            ! A limit that moves in and out is named once.
-            where (changes%name == changes(i)%name &
-               & .and. (changes%is_upper .eqv. changes(i)%is_upper)) largest = 0.0_wp
-         end do
-      end associate
-   end subroutine check_prior
-
-   subroutine warn_of_change(found, change)
-      type(analysis_type), intent(inout) :: found
-      type(change_type), intent(in) :: change
-      character(len=:), allocatable :: limit
-      integer :: worst, point
-
-      worst = maxloc(abs(change%shift), dim=1)
-      if (change%name == 'measure') then
-         call found%warn('measure_matters', trim(found%names(worst)), [change%shift(worst)])
-         return
-      end if
-      point = index(change%name, '.')
-      limit = trim(change%name(point + 1:))
-      if (point > 0) limit = limit//' of &domain'
-      call found%warn('prior_matters', trim(found%names(worst))//' with the ' &
-         & //merge('upper', 'lower', change%is_upper)//' limit of '//limit, &
-         & [change%shift(worst), change%from, change%to])
-   end subroutine warn_of_change
 
    !> Contact pressures that are too high, contact radii that differ from the surrogate's, and
    !> grains that are too small, by the columns depth_um, contact_radius_um and grain_radius_um.

@@ -2,12 +2,13 @@
 module problem_posterior
    use abstract_sampler, only: sampler_type
    use constants_posterior, only: new_posterior, posterior_type
+   use correction_basis, only: correction_grain_model_type
    use constants_prior, only: knowledge_type, new_prior, prior_type
    use errors, only: error_type, exit_bad_input, prefix_error, refuse
    use files, only: printable
    use film_theory, only: film_name, young_of_film
    use halfspace_theory, only: halfspace_moduli
-   use kinds, only: degree, wp
+   use kinds, only: degree, pi, wp
    use measured_grains, only: mean_modulus, measured_type, reference_rows_type, &
       & spread_orientations
    use machine, only: check_memory
@@ -404,7 +405,7 @@ contains
          call new_checkpoint(problem%kept_in, identity, density, checkpoint)
       end if
       condensed = density
-      call condensed%condense()
+      call condense(condensed)
       if (.not. allocated(error)) then
          call sample_chains(condensed, sampler, run_settings_type(run%samples, run%chains, &
             & problem%threads(), problem%settings%problem%seed, run%first_stream), chains, error, &
@@ -413,4 +414,36 @@ contains
       call problem%locate('prior', '', error)
    end subroutine run_chains
 
+   !> Replace the grains by fewer measurements with the same posterior density, where that is
+   !> possible. No other result may be computed from the posterior afterwards.
+   !>
+   !> Many grains may depend on few coefficients of an expansion. If errors are normal, independent
+   !> and of known sd, these have sufficient statistics: the sum of squares over all grains equals
+   !> that over as many measurements as there are coefficients, plus a constant.
+   subroutine condense(self)
+      type(posterior_type), intent(inout) :: self
+      real(wp), allocatable :: values(:)
+      real(wp) :: rest
+      integer :: n
+
+      if (self%settings%likelihood /= 'normal' .or. self%infers_scale .or. self%n_shared > 0 &
+         & .or. self%has_own_variance() .or. self%observable%compliance > 0.0_wp &
+         & .or. self%laboratory%changes_moduli()) then
+         return
+      end if
+      select type (grains => self%grains)
+      type is (correction_grain_model_type)
+         call grains%expansion%condense(self%observable%factor/self%scale, &
+            & self%data%modulus/self%scale, values, rest)
+      end select
+      if (.not. allocated(values)) return
+      n = size(values)
+      self%log_scales = self%log_scales + 0.5_wp*(rest + (self%n_grains - n)*log(2.0_wp*pi))
+      self%data%modulus = values*self%observable%factor
+      self%scale = spread(self%observable%factor, 1, n)
+      self%n_grains = n
+      self%n_moduli = n
+      self%euler = self%euler(:, :n)
+      if (allocated(self%rough)) deallocate (self%rough)
+   end subroutine condense
 end module problem_posterior

@@ -72,23 +72,13 @@ contains
       call write_identifiability(page, found)
       call write_prior(page, found)
       call page%begin_object('checks')
-      associate (checks => found%checks, diagnosis => found%diagnosis)
-         call page%put('draws', size(checks%log_prior))
-         call page%put_numbers('mean, p', [checks%chi_square, checks%chi_square_p], 'chi_square')
-         call page%begin_object('extreme_grain')
-         call page%put('grain', checks%extreme_grain)
-         call page%put_numbers('residual_sd, p', [checks%extreme_residual, checks%extreme_p])
-         call page%end_object()
+      associate (diagnosis => found%diagnosis)
          call page%put_numbers('chi_square, freedom, p, factor, order_log_odds, log_z', &
             & [diagnosis%chi_square, diagnosis%freedom, diagnosis%p, diagnosis%factor, &
             & diagnosis%order_odds, diagnosis%stated%fit%log_z], 'misfit')
       end associate
       call page%end_object()
-      if (allocated(found%evidence)) then
-         call page%put_numbers('log_z, sd', [found%evidence%log_z, found%evidence%sd], 'evidence')
-      end if
       call write_diagnosis(page, found%diagnosis)
-      call write_sensitivity()
       if (found%field_degree > 0) then
          call page%begin_object('theory')
          call page%put('degree', found%field_degree)
@@ -126,29 +116,6 @@ contains
          end do
          call page%end_array()
       end subroutine write_limits
-
-      !> Write the results with other priors; null where too few draws remain.
-      subroutine write_sensitivity()
-         integer :: i
-
-         call page%begin_array('sensitivity')
-         do i = 1, size(found%changes)
-            associate (change => found%changes(i))
-               call page%begin_object()
-               call page%put('name', trim(change%name))
-               if (change%name /= 'measure') then
-                  call page%put('side', merge('upper', 'lower', change%is_upper))
-                  call page%put_numbers('from, to', [change%from, change%to])
-               end if
-               call page%put('exact', change%exact)
-               call page%put('effective_draws', change%effective)
-               call page%put_numbers(join(found%names, ', '), change%shift, 'shift_sd')
-               call page%put_numbers(join(found%names, ', '), change%sd_ratio, 'sd_ratio')
-               call page%end_object()
-            end associate
-         end do
-         call page%end_array()
-      end subroutine write_sensitivity
    end subroutine write_analysis
 
    !> Write the parameters, and the parts of the variance of each by source. Each known quantity is
@@ -398,7 +365,7 @@ contains
    end subroutine write_prior
 
    !> Describe in a few lines what determines the result: the measurements; measure and limits of
-   !> the prior; bounds; knowledge; the surrogate; the evidence, which depends on all of these.
+   !> the prior; bounds; knowledge; the surrogate.
    subroutine describe_prior(found, lines)
       type(analysis_type), intent(in) :: found
       type(line_type), allocatable, intent(out) :: lines(:)
@@ -427,12 +394,6 @@ contains
          if (len(line) > 0) call add_line(lines, 'known: '//line(3:))
       end associate
       call add_line(lines, 'surrogate: '//surrogate_text(found))
-      if (allocated(found%evidence)) then
-         call add_line(lines, 'evidence: log Z = '//fixed(found%evidence%log_z, 2)//' ± ' &
-            & //fixed(found%evidence%sd, 2)//', to compare with other models of the same data. ' &
-            & //'It depends on the limits above: where the measurements determine the constants, ' &
-            & //'a prior twice as wide has a log Z that is lower by 0.69')
-      end if
    end subroutine describe_prior
 
    !> The density of the prior with its limits, and its bounds, if it has any.

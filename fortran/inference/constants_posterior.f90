@@ -10,7 +10,6 @@
 !> to a matrix of the size of U's columns.
 module constants_posterior
    use abstract_basis, only: grain_model_type
-   use correction_basis, only: correction_grain_model_type
    use constants_prior, only: prior_type
    use error_models, only: error_model_type, new_error_model
    use errors, only: error_type, refuse
@@ -84,9 +83,8 @@ module constants_posterior
    contains
       procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start
       procedure :: set_field_degree, moduli_at, predict_measurements, evaluate_grains, &
-         & condense, scale_factor, grain_scatter, log_contrast, log_factor, &
-         & mean_factors, set_contrast, &
-         & log_prior, stiffness, new_grains
+         & has_own_variance, scale_factor, grain_scatter, log_contrast, log_factor, &
+         & mean_factors, set_contrast, log_prior, stiffness, new_grains
    end type posterior_type
 
 contains
@@ -344,7 +342,7 @@ contains
          call self%set_contrast(x, self%are_moduli, rows)
          log_likelihood = self%unknown%log_likelihood(rows(:size(self%unknown%probability)), &
             & self%grain_scatter(x), exp(self%log_factor(x, 1)))
-      else if (self%n_shared == 0 .and. .not. (has_own_variance(self) &
+      else if (self%n_shared == 0 .and. .not. (self%has_own_variance() &
          & .or. self%laboratory%changes_moduli())) then
          model = moduli
          call self%observable%to_measured(model(:self%n_moduli))
@@ -499,7 +497,7 @@ contains
          model = model*self%mean_factors(x)
       end if
       scales = scale_factor(self, x)*self%scale
-      if (has_own_variance(self)) then
+      if (self%has_own_variance()) then
          scales = sqrt(scales**2 + own_variance*(self%errors%scale*map_slope)**2)
       end if
       if (self%grains%n_columns > 0) then
@@ -564,37 +562,4 @@ contains
       allocate (moduli(size(self%euler, 2), size(points, 2)))
       call self%grains%evaluate_crystals(self%prior%class%stiffnesses(points), moduli)
    end function moduli_at
-
-   !> Replace the grains by fewer measurements with the same posterior density, where that is
-   !> possible. No other result may be computed from the posterior afterwards.
-   !>
-   !> Many grains may depend on few coefficients of an expansion. If errors are normal, independent
-   !> and of known sd, these have sufficient statistics: the sum of squares over all grains equals
-   !> that over as many measurements as there are coefficients, plus a constant.
-   subroutine condense(self)
-      class(posterior_type), intent(inout) :: self
-      real(wp), allocatable :: values(:)
-      real(wp) :: rest
-      integer :: n
-
-      if (self%settings%likelihood /= 'normal' .or. self%infers_scale .or. self%n_shared > 0 &
-         & .or. has_own_variance(self) .or. self%observable%compliance > 0.0_wp &
-         & .or. self%laboratory%changes_moduli()) then
-         return
-      end if
-      select type (grains => self%grains)
-      type is (correction_grain_model_type)
-         call grains%expansion%condense(self%observable%factor/self%scale, &
-            & self%data%modulus/self%scale, values, rest)
-      end select
-      if (.not. allocated(values)) return
-      n = size(values)
-      self%log_scales = self%log_scales + 0.5_wp*(rest + (self%n_grains - n)*log(2.0_wp*pi))
-      self%data%modulus = values*self%observable%factor
-      self%scale = spread(self%observable%factor, 1, n)
-      self%n_grains = n
-      self%n_moduli = n
-      self%euler = self%euler(:, :n)
-      if (allocated(self%rough)) deallocate (self%rough)
-   end subroutine condense
 end module constants_posterior

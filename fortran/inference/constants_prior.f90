@@ -1,8 +1,8 @@
 !> The prior of the constants: one rule for all crystal classes, within the surrogate's domain,
 !> times normal factors for what is known.
 !>
-!> Bounds on all constants are the paper's prior, uniform over the stable crystals within them, in
-!> the constants or in log K. Otherwise the default prior applies, which has no edge: in log K the
+!> Bounds on all constants are the paper's prior, uniform over the stable crystals within them.
+!> Otherwise the default prior applies, which has no edge: in log K the
 !> contrast s = log(3K/2G) of the isotropic part is normal, the anisotropic coordinates are jointly
 !> Student's t, and the scale tr log K/6 is normal about that of an isotropic solid with the mean
 !> measurement. Single bounds and a cap on Eq. 14 truncate the prior.
@@ -56,9 +56,12 @@ module constants_prior
       logical :: has_default = .false.
       !> Greatest anisotropy index, Eq. 14.
       real(wp) :: anisotropy_cap = huge(1.0_wp)
-      !> Mean of the scale tr log K/6 in the default prior, K in GPa.
-      real(wp) :: typical_scale = 0.0_wp
-      !> Whether the density is uniform, or the default, in log K and not in the constants.
+      !> Young's modulus of an isotropic solid with the mean measurement, GPa, and the mean of the
+      !> scale tr log K/6 in the default prior, K in GPa, which is that of this solid.
+      real(wp) :: typical_young = 0.0_wp, typical_scale = 0.0_wp
+      !> Factor on the sds of the default prior.
+      real(wp) :: width = 1.0_wp
+      !> Whether the density is one of log K, as the default is, and not of the constants.
       logical :: in_logarithms = .false.
       !> Estimated share of the prior, without its normal factors, for which the surrogate is valid,
       !> and share of the crystals from `draw_start` that lie in the support.
@@ -107,52 +110,22 @@ contains
          & prior%upper > prior%lower)
       prior%lower = prior%lower - width
       prior%upper = prior%upper + width
+      prior%typical_young = typical_young
       prior%typical_scale = (log(typical_young/(1.0_wp - 2.0_wp*nu)) &
          & + 5.0_wp*log(typical_young/(1.0_wp + nu)))/6.0_wp
       if (allocated(stated%anisotropy_cap)) prior%anisotropy_cap = stated%anisotropy_cap
-      prior%in_logarithms = stated%measure == 'logarithms' .or. prior%has_default
-      if (.not. prior%has_default .and. prior%in_logarithms .and. prior%anisotropy_cap &
-         & >= huge(1.0_wp) .and. domain%log_anisotropy_max >= huge(1.0_wp)) then
-         call check_proper(prior, error)
-      end if
-      if (allocated(error)) return
+      prior%in_logarithms = prior%has_default
       call prior%set_knowledge(knowledge, error)
       if (allocated(error)) return
       call estimate_share(domain, prior, error)
    end subroutine new_prior
 
-   !> Refuse bounds within which the volume of log K is infinite: those that reach the edge of
-   !> stability. The least eigenvalue of the stiffness is a concave function of the constants, so
-   !> its minimum within the bounds is at a corner.
-   subroutine check_proper(prior, error)
-      type(prior_type), intent(in) :: prior
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: corner
-      real(wp) :: x(prior%n_constants)
-      integer :: i, j
-
-      do i = 0, 2**prior%n_constants - 1
-         x = merge(prior%upper, prior%lower, btest(i, [(j, j=0, size(x) - 1)]))
-         if (is_stable(prior%class%stiffness(x))) cycle
-         corner = ''
-         do j = 1, size(x)
-            corner = corner//', '//prior%class%constants(j)//' = '//to_text(x(j))
-         end do
-         call refuse(error, 'measure = ''logarithms'' needs bounds within which every crystal is ' &
-            & //'stable, since log K has infinite volume at the edge of stability; '//corner(3:) &
-            & //' GPa is not stable. State narrower bounds, an anisotropy_cap, or ' &
-            & //'measure = ''constants''')
-         return
-      end do
-   end subroutine check_proper
-
-   !> The coordinates in which the prior is uniform, or 'default'.
+   !> 'default', or 'constants', in which the prior is uniform.
    pure function measure(self)
       class(prior_type), intent(in) :: self
       character(len=:), allocatable :: measure
 
       measure = 'constants'
-      if (self%in_logarithms) measure = 'logarithms'
       if (self%has_default) measure = 'default'
    end function measure
 
@@ -211,15 +184,13 @@ contains
    end subroutine estimate_share
 
    !> Whether `draw_start` can sample the prior itself: its draws have the density of the prior, and
-   !> enough of them lie in the support. It draws the default prior in log K, and a uniform one in
-   !> the constants.
+   !> enough of them lie in the support.
    pure logical function is_drawn(self)
       class(prior_type), intent(in) :: self
       !> 50 draws for each in the support are still cheap.
       real(wp), parameter :: least_share = 0.02_wp
 
-      is_drawn = size(self%knowledge%mean) == 0 .and. self%share_drawn > least_share &
-         & .and. (self%has_default .eqv. self%in_logarithms)
+      is_drawn = size(self%knowledge%mean) == 0 .and. self%share_drawn > least_share
    end function is_drawn
 
    !> Whether at least one bound of the constant j is stated.
@@ -255,18 +226,17 @@ contains
    !> Logarithm of the integral over the working coordinates of the density without the normal
    !> factors of the knowledge, as `log_density` and `log_volume` give it. The evidence of a model
    !> is divided by it.
-   real(wp) function log_mass(self)
+   pure real(wp) function log_mass(self)
       class(prior_type), intent(in) :: self
-      !> Draws for the volume of bounds in log K.
-      integer, parameter :: volume_draws = 5000
-      type(random_stream_type) :: stream
-      real(wp) :: matrix(self%n_constants, self%n_constants), x(self%n_constants), volume, offset
-      integer :: i, j, k
+      real(wp) :: matrix(self%n_constants, self%n_constants), x(self%n_constants)
+      integer :: j, k
 
+      log_mass = log(self%share_drawn)
       if (self%has_default) then
          ! A normal density in contrast and scale, whose Jacobian is 1/sqrt 5, and Student's t.
          k = self%n_constants - 2
-         log_mass = log(2.0_wp*pi*sqrt(5.0_wp)*contrast_sd*scale_sd) + log(self%share_drawn)
+         log_mass = log_mass + log(2.0_wp*pi*sqrt(5.0_wp)*contrast_sd*scale_sd) &
+            & + self%n_constants*log(self%width)
          if (k > 0) then
             log_mass = log_mass + log_gamma(0.5_wp*freedom) - log_gamma(0.5_wp*(freedom + k)) &
                & + 0.5_wp*k*log(freedom*pi*anisotropy_scale**2/k)
@@ -284,21 +254,8 @@ contains
       matrix = matmul(transpose(matrix), matrix)
       call factor_definite(matrix, 0.0_wp)
       x = 0.0_wp
-      offset = -sum([(log(matrix(k, k)), k=1, size(x))]) - self%logarithms%log_volume(x)
-      log_mass = sum(log(self%upper - self%lower)) - offset
-      if (.not. self%in_logarithms) then
-         log_mass = log_mass + log(self%share_drawn)
-         return
-      end if
-      stream = new_random_stream(1, 1)
-      volume = 0.0_wp
-      do i = 1, volume_draws
-         call self%draw_start(stream, x)
-         if (.not. self%admits(x, self%class%stiffness(x))) cycle
-         volume = volume + exp(-self%logarithms%log_volume( &
-            & self%logarithms%to_logarithms(self%class%stiffness(x))))
-      end do
-      log_mass = log_mass + log(volume/volume_draws)
+      log_mass = log_mass + sum(log(self%upper - self%lower)) &
+         & + sum([(log(matrix(k, k)), k=1, size(x))]) + self%logarithms%log_volume(x)
    end function log_mass
 
    !> Whether a crystal is in the support.
@@ -341,9 +298,9 @@ contains
          k = size(w) - 2
          associate (contrast => w(1) - w(2)/sqrt(5.0_wp), &
             & scale => (w(1) + sqrt(5.0_wp)*w(2))/6.0_wp, &
-            & squares => sum((w(3:)/anisotropy_scale)**2))
+            & squares => sum((w(3:)/(self%width*anisotropy_scale))**2))
             log_density = -0.5_wp*(((contrast - contrast_mean)/contrast_sd)**2 &
-               & + ((scale - self%typical_scale)/scale_sd)**2) &
+               & + ((scale - self%typical_scale)/scale_sd)**2)/self%width**2 &
                & - 0.5_wp*(freedom + k)*log(1.0_wp + k*squares/freedom)
          end associate
       end if

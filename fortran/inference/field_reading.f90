@@ -6,6 +6,7 @@ module field_reading
    use crystal_elasticity, only: log_anisotropy
    use errors, only: error_type
    use kinds, only: wp
+   use statistics, only: median
    implicit none
    private
    public :: choose_field_degree, find_field_error, allowed_error
@@ -18,20 +19,24 @@ module field_reading
    !> Greatest number of grains that are checked.
    integer, parameter :: most_checked = 200
    !> Degrees that are compared.
-   integer, parameter :: degrees(*) = [6, 8, 10, 12, 14, 16, 20, 24, 28]
+   integer, parameter :: degrees(*) = [6, 8, 10, 12, 14, 16, 20, 24, 28], hopeless_degree = 20
 
 contains
 
    !> Choose the cheapest degree, and the log-anisotropy above which the theory is computed without
    !> harmonics, for which the errors at some draws are allowed. If there is none, the last degree
    !> is used without an `error`.
-   subroutine choose_field_degree(posterior, draws, threads, error)
+   subroutine choose_field_degree(posterior, draws, threads, error, is_hopeless)
       type(posterior_type), intent(inout) :: posterior
       !> (parameter, draw).
       real(wp), intent(in) :: draws(:, :)
       !> OpenMP threads at most.
       integer, intent(in) :: threads
       type(error_type), allocatable, intent(out) :: error
+      !> Whether no draw explains the measurements. Harmonics then represent the theory of every
+      !> crystal: the constants are not used, and the exact theory of the extremely anisotropic
+      !> crystals to which a wrong statement leads would take hours.
+      logical, intent(out), optional :: is_hopeless
       !> Factor on the allowed error, since the draws of the chains differ from these. Factor for
       !> the grains with which proposals are found, and the share of draws that must satisfy it.
       real(wp), parameter :: reserve = 0.3_wp, rough_errors = 5.0_wp, most_draws = 0.8_wp
@@ -43,6 +48,11 @@ contains
       anisotropy = [(log_anisotropy(posterior%stiffness(draws(:, i))), i=1, size(draws, 2))]
       call exact_moduli(posterior, draws, threads, exact, error)
       if (allocated(error)) return
+      if (present(is_hopeless)) then
+         is_hopeless = all([(explains_nothing(i), i=1, size(draws, 2))])
+         if (is_hopeless) call posterior%set_field_degree(hopeless_degree, error)
+         if (is_hopeless) return
+      end if
       least_cost = huge(least_cost)
       if (allocated(posterior%rough)) deallocate (posterior%rough)
       do i = 1, size(degrees)
@@ -76,6 +86,32 @@ contains
          allocate (best, source=posterior%grains)
       end do
       call move_alloc(best, posterior%grains)
+
+   contains
+
+      !> Whether stated limits or knowledge keep half of the moduli of a draw far from the measured
+      !> ones, whatever the factor of the laboratory.
+      pure logical function explains_nothing(draw)
+         integer, intent(in) :: draw
+         !> Residual, and range of the factor, in sds.
+         real(wp), parameter :: far = 2.5_wp, greatest_factor = 3.0_wp
+         integer :: rows(size(exact, 1))
+         real(wp) :: deviation(size(rows)), factor
+
+         rows = checked_grains(size(posterior%data%euler, 2))
+         explains_nothing = (posterior%prior%is_cut() &
+            & .or. size(posterior%prior%knowledge%mean) > 0) &
+            & .and. .not. (posterior%infers_scale .or. allocated(posterior%unknown))
+         if (.not. explains_nothing) return
+         associate (measured => posterior%data%modulus(rows), sd => posterior%data%sd(rows), &
+            & mean => posterior%laboratory%mean(1), &
+            & range => greatest_factor*posterior%laboratory%sd(1))
+            factor = log(median(size(rows), measured/exact(:, draw)))
+            factor = exp(min(mean + range, max(mean - range, factor)))
+            deviation = (measured - factor*exact(:, draw))/sd
+         end associate
+         explains_nothing = median(size(rows), abs(deviation)) > far
+      end function explains_nothing
    end subroutine choose_field_degree
 
    !> Find the largest error at some draws, see `field_errors`.

@@ -1,12 +1,10 @@
 !> Expected gain from further knowledge: the sds of the constants if some quantities that
 !> indentation does not see were known as well.
 !>
-!> The gain is estimated from the draws of the posterior. Some of them in turn serve as the truth.
-!> All draws are then weighted by the normal factors of the knowledge, and the resulting variances
-!> are averaged. If too few draws have weight, the covariance is used instead (linear update). A
-!> quantity that follows from &knowledge, or from an earlier one, in every crystal of the class is
-!> left out. The accuracy of a modulus is an sd in GPa, since its true value may be far from its
-!> mean here, and the resulting sds scale with it.
+!> The gain follows from the covariance of the draws (linear update). A quantity that follows from
+!> &knowledge, or from an earlier one, in every crystal of the class is left out. The accuracy of a
+!> modulus is an sd in GPa, since its true value may be far from its mean here, and the resulting sds
+!> scale with it.
 !>
 !> Conflict of the knowledge with all other information (measurements and the rest of the prior), in
 !> sds.
@@ -46,9 +44,8 @@ module further_knowledge
    !> that belong to it.
    character(len=*), parameter :: kinds(3) = [character(len=64) :: 'bulk_modulus', &
       & 'polycrystal_young', 'compressibility[100], compressibility[010], compressibility[001]']
-   !> Draws that are used; of these, draws that serve as the truth; least effective number of
-   !> weighted draws, for an sd with an error of 13 %.
-   integer, parameter :: most_draws = 8000, truths = 40, least_effective = 30
+   !> Draws that are used.
+   integer, parameter :: most_draws = 8000
 
    type :: conflict_type
       !> D, and the deviation of a normal variable, in sds, that is as improbable as a chi-square of
@@ -94,55 +91,24 @@ contains
          end do
          call evaluate_draws(new, prior%class, constants, values)
          if (new(1)%unit == 'GPa') gain%known_sd = gain%relative_sd*sum(values)/size(values)
-         call expect_sds()
+         call update_sds()
          gains = [gains, gain]
       end do
 
    contains
 
-      !> Estimate the sds of the constants with knowledge of some quantities.
-      subroutine expect_sds()
-         real(wp), dimension(size(constants, 1)) :: variance, mean, sd
-         real(wp) :: weights(size(values, 2)), known_sd
-         integer :: a, i, n, n_used, truth
-
-         n = size(values, 2)
-         call moments(constants, mean, sd)
-         gain%sd_now = sd
-         variance = 0.0_wp
-         n_used = 0
-         do a = 1, truths
-            truth = 1 + ((a - 1)*n)/truths
-            weights = 1.0_wp
-            do i = 1, size(values, 1)
-               known_sd = merge(gain%known_sd, gain%relative_sd*values(i, truth), &
-                  & gain%known_sd > 0.0_wp)
-               weights = weights*exp(-0.5_wp*((values(i, :) - values(i, truth))/known_sd)**2)
-            end do
-            weights = weights/sum(weights)
-            if (1.0_wp/sum(weights**2) < least_effective) cycle
-            n_used = n_used + 1
-            call moments(constants, mean, sd, weights)
-            variance = variance + sd**2
-         end do
-         gain%sd_then = linear_update()
-         if (2*n_used >= truths) gain%sd_then = sqrt(variance/n_used)
-      end subroutine expect_sds
-
-      !> Standard deviations of normal variables with the covariance of the draws after measurements
-      !> of the quantities.
-      function linear_update() result(sd)
-         real(wp) :: sd(size(constants, 1))
-         real(wp) :: joint(size(values, 1) + size(sd), size(values, 1) + size(sd)), &
-            & innovation(size(values, 1), size(values, 1))
-         real(wp) :: cross(size(values, 1))
+      !> Set the sds of normal variables with the covariance of the draws, and those after
+      !> measurements of the quantities.
+      subroutine update_sds()
+         real(wp), allocatable :: joint(:, :), innovation(:, :), cross(:)
          type(error_type), allocatable :: error
          integer :: i, q
 
          q = size(values, 1)
          joint = covariance_of(transpose(reshape([transpose(values), transpose(constants)], &
-            & [size(values, 2), size(joint, 1)])))
-         sd = [(sqrt(joint(q + i, q + i)), i=1, size(sd))]
+            & [size(values, 2), q + size(constants, 1)])))
+         gain%sd_now = [(sqrt(joint(q + i, q + i)), i=1, size(constants, 1))]
+         gain%sd_then = gain%sd_now
          innovation = joint(:q, :q)
          do i = 1, q
             innovation(i, i) = innovation(i, i) &
@@ -150,12 +116,12 @@ contains
          end do
          call cholesky_factor(innovation, error)
          if (allocated(error)) return
-         do i = 1, size(sd)
+         do i = 1, size(constants, 1)
             cross = joint(:q, q + i)
             call solve_lower(innovation, cross)
-            sd(i) = sqrt(max(0.0_wp, sd(i)**2 - sum(cross**2)))
+            gain%sd_then(i) = sqrt(max(0.0_wp, joint(q + i, q + i) - sum(cross**2)))
          end do
-      end function linear_update
+      end subroutine update_sds
    end subroutine expect_gains
 
    !> The posterior without knowledge.

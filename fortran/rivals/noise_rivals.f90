@@ -37,8 +37,7 @@ module noise_rivals
    !> Outliers, whose distribution is wider.
    type, extends(mixture_errors_type) :: outlier_errors_type
    contains
-      procedure :: weigh_parts => outlier_parts, weigh => outlier_weigh, &
-         & as_normals => outlier_as_normals
+      procedure :: weigh_parts => outlier_parts, weigh => outlier_weigh
    end type outlier_errors_type
 
    !> Grains of a second phase.
@@ -52,7 +51,7 @@ module noise_rivals
    end type phase_errors_type
 
    real(wp), parameter :: scatters(5) = [0.01_wp, 0.02_wp, 0.04_wp, 0.08_wp, 0.16_wp]
-   real(wp), parameter :: shares(3) = [0.05_wp, 0.15_wp, 0.4_wp]
+   real(wp), parameter :: shares(4) = [0.01_wp, 0.05_wp, 0.15_wp, 0.4_wp]
    !> Share of the grains of a second phase, and the relative sd of their moduli.
    real(wp), parameter :: phase_share = 0.3_wp, phase_width = 0.05_wp
    !> sd of an outlier, relative to the mean modulus.
@@ -207,14 +206,6 @@ contains
       curvature = weight - e**2*p*(1.0_wp - p)*narrow**2
       expected = 1.0_wp - self%share
    end subroutine outlier_weigh
-
-   pure subroutine outlier_as_normals(self, variance, share)
-      class(outlier_errors_type), intent(in) :: self
-      real(wp), allocatable, intent(out) :: variance(:), share(:)
-
-      variance = [1.0_wp, self%width**2]
-      share = [1.0_wp - self%share, self%share]
-   end subroutine outlier_as_normals
 
    !> The second phase has moduli that vary by `width`.
    pure subroutine phase_parts(self, r, log_ratio)

@@ -7,15 +7,15 @@ module rival_cases
    use measured_grains, only: measured_type
    use problem, only: problem_type
    use settings_schema, only: measurements_settings_type
-   use statistics, only: moments
+   use statistics, only: median
    use surrogate_model, only: surrogate_type
    implicit none
    private
    public :: case_type, new_case, rival_type, change_model
 
    !> Measurements of more grains are compared on some of them, evenly over the rows, so that the
-   !> time is bounded.
-   integer, parameter :: most_grains = 200
+   !> time is bounded, and on as many at most that are far off.
+   integer, parameter :: most_grains = 200, most_far = 50
 
    type :: case_type
       type(problem_type), pointer :: problem => null()
@@ -40,22 +40,34 @@ module rival_cases
 
 contains
 
-   !> The stated model of at most `most_grains` grains, without speeds.
-   subroutine new_case(problem, surrogate, posterior, case, error)
+   !> The stated model of the compared grains, without speeds.
+   subroutine new_case(problem, surrogate, posterior, residuals, case, error)
       type(problem_type), intent(in), target :: problem
       type(surrogate_type), intent(in), target :: surrogate
       type(posterior_type), intent(in) :: posterior
+      !> Of the moduli, in their sds, (modulus).
+      real(wp), intent(in) :: residuals(:)
       type(case_type), intent(out) :: case
       type(error_type), allocatable, intent(out) :: error
+      !> A residual that a clean table of ten thousand grains does not have, in sds, or in those of
+      !> a normal distribution with the median of the table.
+      real(wp), parameter :: far = 5.0_wp, sd_over_median = 1.48_wp
       type(measured_type) :: measured
+      integer, allocatable :: others(:)
       integer :: i, n
 
       case%problem => problem
       case%surrogate => surrogate
       n = min(most_grains, posterior%n_moduli)
       case%points = [(1 + ((i - 1)*posterior%n_moduli)/max(1, n), i=1, n)]
+      others = pack([(i, i=1, posterior%n_moduli)], abs(residuals) &
+         & > far*max(1.0_wp, sd_over_median*median(size(residuals), abs(residuals))))
+      do i = 1, min(most_far, size(others))
+         if (any(case%points == others(i))) cycle
+         case%points = [case%points, others(i)]
+      end do
       case%stated = posterior
-      if (n == posterior%n_grains) return
+      if (size(case%points) == posterior%n_grains) return
       measured = posterior%data
       associate (points => case%points, all => posterior%data)
          measured%euler = all%euler(:, points)

@@ -11,13 +11,11 @@ module rivals
    use errors, only: error_type
    use further_knowledge, only: without_knowledge
    use kinds, only: nan, wp
-   use model_checks, only: log_integral
-   use model_evidence, only: fit_model, fit_type, log_mass
+   use model_evidence, only: fit_model, fit_type
    use noise_rivals, only: make_outliers, make_phases, make_scale, make_scatter, name_outliers
    use order_rivals, only: make_any_order, make_reading
    use problem, only: problem_type
    use rival_cases, only: case_type, new_case, rival_type
-   use samplers, only: chains_type
    use statement_rivals, only: make_kind, make_knowledge, make_limits
    use statistics, only: chi_square_above, moments, sort_order
    use surrogate_model, only: surrogate_type
@@ -104,44 +102,38 @@ contains
    end function all_rows
 
    !> Compare all rivals with the stated model.
-   subroutine compare_rivals(problem, surrogate, posterior, chains, best, diagnosis, error)
+   subroutine compare_rivals(problem, surrogate, posterior, best, diagnosis, error)
       type(problem_type), intent(in), target :: problem
       type(surrogate_type), intent(in), target :: surrogate
       type(posterior_type), intent(in) :: posterior
-      type(chains_type), intent(in) :: chains
       !> A point of high posterior density, (dimension).
       real(wp), intent(in) :: best(:)
       type(diagnosis_type), intent(out) :: diagnosis
       type(error_type), allocatable, intent(out) :: error
       type(case_type) :: case
       type(row_type), allocatable :: rows(:)
-      real(wp) :: variance
+      real(wp) :: residuals(posterior%n_grains), log_likelihood
       integer :: i
 
       allocate (diagnosis%rivals(0))
       diagnosis%share_within = spread(1.0_wp, 1, posterior%n_constants)
       if (posterior%n_moduli == 0 .or. allocated(posterior%unknown)) return
-      call set_misfit(posterior, best, diagnosis, error)
+      call set_misfit(posterior, best, diagnosis, residuals, log_likelihood, error)
       if (allocated(error)) return
-      call new_case(problem, surrogate, posterior, case, error)
+      call new_case(problem, surrogate, posterior, residuals(:posterior%n_moduli), case, error)
       if (allocated(error)) return
       case%crystal = posterior%stiffness(best)
       case%moduli = case%stated%moduli_at(reshape(best, [size(best), 1]))
-      associate (stated => diagnosis%stated)
-         call fit_model(case%stated, case%crystal, .true., .false., stated%fit)
-         if (.not. stated%fit%found .and. size(case%points) == posterior%n_grains) then
-            call log_integral(posterior, chains, 0, problem%threads(), stated%fit%log_z, &
-               & variance, error)
-            if (allocated(error)) return
-            stated%fit%log_z = stated%fit%log_z - log_mass(posterior)
-            stated%fit%found = .true.
-         end if
-         if (.not. stated%fit%found) return
-      end associate
       if (posterior%prior%is_cut()) then
          call find_cuts(case%stated, case%crystal, diagnosis, error)
          if (allocated(error)) return
       end if
+      associate (fit => diagnosis%stated%fit)
+         call fit_model(case%stated, case%crystal, .true., .false., fit)
+         ! In the corner of narrow limits the integral may not be found. It is below its maximum.
+         if (.not. fit%found) fit%log_z = log_likelihood
+         if (.not. (fit%found .or. size(case%points) == posterior%n_grains)) return
+      end associate
       rows = all_rows()
       do i = 1, size(rows)
          call add_row(case, rows(i), i, diagnosis, error)
@@ -159,26 +151,32 @@ contains
    end subroutine compare_rivals
 
    !> Set chi-square at a point of high density, with the errors that the moduli share.
-   subroutine set_misfit(posterior, x, diagnosis, error)
+   subroutine set_misfit(posterior, x, diagnosis, residuals, log_likelihood, error)
       type(posterior_type), intent(in) :: posterior
       real(wp), intent(in) :: x(:)
       type(diagnosis_type), intent(inout) :: diagnosis
+      !> Less the shared errors, in sds, (grain).
+      real(wp), intent(out) :: residuals(:), log_likelihood
       type(error_type), allocatable, intent(out) :: error
       type(harmonics_type) :: harmonics
-      real(wp), dimension(posterior%n_grains) :: model, scales, residuals
+      real(wp), dimension(posterior%n_grains) :: model, scales
       real(wp), allocatable :: u(:, :), b(:), l(:, :)
-      real(wp) :: value
 
-      if (posterior%infers_scale .or. posterior%settings%likelihood /= 'normal') return
-      ! Indentation determines as many combinations of constants as there are harmonics.
-      call new_harmonics(posterior%prior%class%generators, 4, harmonics, error)
-      if (allocated(error) .or. posterior%n_moduli <= harmonics%n) return
       call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
       residuals = (posterior%data%modulus - model)/scales
-      call posterior%errors%integrate(residuals, u, b, l, value)
+      call posterior%errors%integrate(residuals, u, b, l, log_likelihood)
+      log_likelihood = log_likelihood - sum(log(scales))
+      residuals = residuals - matmul(u, b)
+      ! Indentation determines as many combinations of constants as there are harmonics.
+      call new_harmonics(posterior%prior%class%generators, 4, harmonics, error)
+      if (allocated(error)) return
+      if (posterior%infers_scale .or. posterior%settings%likelihood /= 'normal' &
+         & .or. posterior%n_moduli <= harmonics%n) then
+         return
+      end if
       associate (n => posterior%n_moduli, chi_square => diagnosis%chi_square, &
          & freedom => diagnosis%freedom)
-         chi_square = sum((residuals(:n) - matmul(u(:n, :), b))**2) + sum(b**2)
+         chi_square = sum(residuals(:n)**2) + sum(b**2)
          freedom = n - harmonics%n
          diagnosis%p = chi_square_above(chi_square, nint(freedom))
          diagnosis%factor = sqrt(chi_square/freedom)
@@ -250,7 +248,10 @@ contains
             call row%make(case, found%number, rival, error)
             if (allocated(error)) return
             rough = found%fit%rough_log_z
-            call fit_model(rival%posterior, case%crystal, .true., row%is_rough, fit)
+            associate (prior => rival%posterior%prior)
+               call fit_model(rival%posterior, prior%logarithms%from_logarithms( &
+                  & found%fit%maximum(:prior%n_constants)), .true., row%is_rough, fit)
+            end associate
             if (.not. fit%found) cycle
             fit%log_z = found%fit%log_z + fit%log_z - rough
             found%fit = fit

@@ -95,19 +95,26 @@ contains
       part%covariance = known%covariance(kept, kept)
    end function part_of
 
-   !> The default prior without the stated limits.
+   !> The default prior without the stated limits (1), or with wider sds (2).
    subroutine make_limits(case, k, rival, error)
       type(case_type), intent(in) :: case
       integer, intent(in) :: k
       type(rival_type), intent(out) :: rival
       type(error_type), allocatable, intent(out) :: error
+      !> Factor on the sds of the default prior.
+      real(wp), parameter :: widening = 3.0_wp
 
-      if (k > 1) return
+      if (k > 2) return
       rival%explanation = 'crystals beyond the limits of the prior'
       rival%remedy = 'leave out the limits of &prior'
-      if (.not. case%stated%prior%is_cut()) return
-      allocate (rival%posterior, source=case%stated)
-      rival%posterior%prior = rival%posterior%prior%without_limits()
+      if (k == 2) then
+         rival%explanation = 'a crystal that the default prior takes as improbable'
+         rival%remedy = 'c_min and c_max of all constants'
+      end if
+      if (merge(case%stated%prior%has_default, case%stated%prior%is_cut(), k == 2)) then
+         allocate (rival%posterior, source=case%stated)
+         if (k == 1) rival%posterior%prior = rival%posterior%prior%without_limits()
+         if (k == 2) rival%posterior%prior%width = widening
+      end if
    end subroutine make_limits
-
 end module statement_rivals

@@ -13,7 +13,7 @@ module posterior_focus
    use problem, only: problem_type
    use detected_speeds, only: draw_aside
    use problem_posterior, only: focus_run, new_table_posterior
-   use prior_sensitivity, only: is_truncated, list_limits
+   use prior_limits, only: is_truncated, list_limits
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: measurements_settings_type
    use shared_errors, only: infer_shared

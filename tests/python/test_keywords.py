@@ -144,8 +144,8 @@ def test_other_names_and_the_symmetry_by_position(result):
         ),
         ({"knowledge": {"bulk": (165, 3)}}, "bi.extract: knowledge: 'bulk' is unknown"),
         (
-            {"evidence": "yes"},
-            "bi.extract: evidence: the text 'yes' stands where a "
+            {"synthetic": "yes"},
+            "bi.extract: synthetic: the text 'yes' stands where a "
             "logical is needed; allowed .true., .false.",
         ),
     ],

@@ -165,10 +165,10 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
         assert rf"${name[0]}_{{{name[1:]}}} = {item['mean']:.1f} \pm {item['sd']:.1f}$" in text
     assert text.startswith("% The data are synthetic")
     assert "11 grains" in text
-    check = json.loads((output / "summary.json").read_text())["checks"]["chi_square"]
+    check = json.loads((output / "summary.json").read_text())["checks"]["misfit"]
     assert (
-        f"is {check['mean']:.1f} on average; it is larger in "
-        rf"{100 * check['p']:.0f}\,\% of the data sets" in text
+        f"is {check['chi_square']:.1f} for {check['freedom']:.0f} degrees of freedom "
+        f"($p = {check['p']:.3f}$)" in text
     )
     # The file says nothing of the tip.
     assert "[State the shape and the radius of the tip" in text

@@ -23,7 +23,7 @@ from bayesindent.report.formatting import (
     region,
     share_cells,
 )
-from bayesindent.report.sections import compliance_rows, sensitivity_row
+from bayesindent.report.sections import compliance_rows
 from bayesindent.report.summary import CONSEQUENCES, advice
 from bayesindent.report.templates import read_data
 from support.diagnostics import ROWS, filled
@@ -305,26 +305,6 @@ def test_what_was_asked_stands_first_and_all_is_numbered(tmp_path, capsys):
         (output / stage).unlink()
     assert main(["report", str(output), "--figures", "svg"]) == 0
     assert not list((output / "figures").iterdir())
-
-
-def test_what_the_prior_moves_is_told_where_it_matters():
-    change = {
-        "name": "C12",
-        "side": "upper",
-        "from": 120.0,
-        "to": 132.0,
-        "exact": False,
-        "shift_sd": {"C11": 0.12, "C12": -0.5, "C44": 0.09},
-    }
-    assert sensitivity_row(change) == [
-        "upper limit of C12 from 120 to 132",
-        "about C12 -0.50, C11 +0.12",
-    ]
-    assert sensitivity_row(change | {"shift_sd": {"C11": 0.09, "C12": None}}) is None
-    assert sensitivity_row({"name": "measure", "exact": True, "shift_sd": {"C11": -0.2}}) == [
-        "the other measure of the prior",
-        "C11 -0.20",
-    ]
 
 
 def test_an_empty_folder_has_no_report(tmp_path, capsys):

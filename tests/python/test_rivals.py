@@ -157,24 +157,6 @@ def test_clean_tables(name):
     )
 
 
-@pytest.mark.parametrize(
-    ("name", "settings"),
-    [
-        ("copper", {}),
-        ("titanium", {}),
-        ("copper", {"bounds": {"C11": (120, 200), "C12": (80, 150), "C44": (60, 90)}}),
-    ],
-)
-def test_evidence_against_bridge_sampling(name, settings):
-    """The last case is a ridge that bounds cut."""
-    table, _ = measured(name)
-    long = {"samples": 1500, "burn_in": 3000, "chains": 2, "evidence": True} | settings
-    document = diagnosed(table, CRYSTALS[name][0], **long)
-    assert document["checks"]["misfit"]["log_z"] == pytest.approx(
-        document["evidence"]["log_z"], abs=0.5
-    )
-
-
 def test_bounds_that_exclude_the_crystal():
     table, _ = measured("copper", 40)
     bounds = {"C11": (100, 300), "C12": (50, 250), "C44": (110, 160)}

@@ -270,7 +270,6 @@ def test_a_table_without_angles_gives_constants_and_a_report(tmp_path, capsys, f
     # What would rest on orientations, or is not right without them, is absent.
     assert all(item["share"]["measurements"] is None for item in document["parameters"].values())
     assert document["checks"]["misfit"]["p"] is None and not document["diagnosis"]
-    assert 0 < document["checks"]["chi_square"]["p"] < 1
     assert main(["report", str(tmp_path / "out")]) == 0
     page = (tmp_path / "out" / "report.html").read_text()
     assert "5 grains of unknown orientation" in page

@@ -566,11 +566,6 @@ EFFECTS = {
             {"prior": {"bounds": {"C11": (50, 300), "C12": (50, 300), "C44": (20, 200)}}},
             0.1,
         ),
-        "measure": (
-            density,
-            {"prior": {"bounds": {"C11": (150, 300), "C12": (50, 140), "C44": (20, 200)}}},
-            "logarithms",
-        ),
     },
     "knowledge": {
         "quantity": (density, {"knowledge": {"knowledge": {"C44": (80, 5)}}}, {"C12": (80, 5)}),

@@ -19,7 +19,7 @@ def compare(*results: Any, output: Any = None) -> dict:
 
     `constants`: a row for each constant of each run, with mean, sd and 95 % interval, and its
     difference from the first run's in sds of the difference; `models`: `arviz.compare` of runs of
-    the same moduli, and the evidence where it was estimated; `warnings`. `output`: a folder for
+    the same moduli; `warnings`. `output`: a folder for
     comparison.csv, comparison.json and forest.png.
     """
     with using_documents(*(Path(each) for each in results if not hasattr(each, "posterior"))):
@@ -31,7 +31,7 @@ def compare_all(results: Iterable, output: Any) -> dict:
     # Imported here, since importing ArviZ takes seconds.
     import arviz
 
-    rows, evidence, warnings, draws = [], [], [], {}
+    rows, warnings, draws = [], [], {}
     # Each constant of the first run that has it.
     first: dict = {}
     runs = list(map(Results, results))
@@ -47,8 +47,6 @@ def compare_all(results: Iterable, output: Any) -> dict:
             diagnostic("compared_unusable", f"{name} cannot be used: {reason}")
             for reason in summary["reasons"]
         ]
-        if found := summary.get("evidence"):
-            evidence.append({"run": name} | found)
         for constant in run.constants:
             item = summary["parameters"][constant]
             other = first.setdefault(constant, item)
@@ -73,7 +71,7 @@ def compare_all(results: Iterable, output: Any) -> dict:
     if len(draws) < 2:
         raise InputError("compare: two or more different results are needed")
     rows.sort(key=lambda row: row["constant"])
-    document = {"constants": rows, "models": [], "evidence": evidence, "warnings": warnings}
+    document = {"constants": rows, "models": [], "warnings": warnings}
     if len({run.symmetry for run in runs}) > 1:
         warnings.append(diagnostic("compared_classes"))
     if len({repr([run.kind, run.posterior["modulus_gpa"].tolist()]) for run in runs}) > 1:

@@ -113,7 +113,6 @@ def limit_name(name: str, side: str = "") -> str:
         "log_anisotropy_max": "log-anisotropy",
         "poisson": "Poisson's ratio (Hill)",
         "stiffness_gpa": "the scale of the stiffness",
-        "measure": "the other measure of the prior",
     }
     domain, _, own = name.rpartition(".")
     return (

@@ -32,8 +32,6 @@ from .formatting import (  # isort: skip
 )
 from .results import Results, residual
 
-#: Shift of a mean, in sds, from which on it is reported.
-LEAST_SHIFT = 0.1
 #: Rows of a table of simulations that are shown at most.
 MOST_ROWS = 40
 #: Draws behind mean and sd of a compliance.
@@ -86,9 +84,7 @@ def report_rows(results: Results) -> dict[str, list[list]]:
             if row["name"] not in parameters
         ],
         "prior": prior_rows(results) if document.get("prior") else [],
-        "checks": check_rows(results) if document.get("checks") else [],
         "diagnosis": list(map(rival_row, document.get("diagnosis", []))),
-        "sensitivity": list(filter(None, map(sensitivity_row, document.get("sensitivity", [])))),
         "simulations": simulation_rows(results),
         "suggestions": [
             [
@@ -208,30 +204,6 @@ def prior_rows(results: Results) -> list[list[str]]:
     return [*rows, ["surrogate", prior["surrogate"]]]
 
 
-def check_rows(results: Results) -> list[list]:
-    """Whether the model could have given the measurements."""
-    document = results.extracted
-    chi_square, worst = (document["checks"][name] for name in ("chi_square", "extreme_grain"))
-    mean = (
-        f"χ² about a draw of the posterior, {number(chi_square['mean'])} on average for "
-        f"{len(document['predicted'])} measurements"
-    )
-    name = document["predicted"][worst["grain"] - 1].get("grain", worst["grain"])
-    furthest = f"grain {name}, the furthest off, by {number(worst['residual_sd'])} sds"
-    rows: list[list] = [
-        [text, unbroken(f"p = {item['p']:.3f}")]
-        for text, item in ((mean, chi_square), (furthest, worst))
-    ]
-    if evidence := document.get("evidence"):
-        rows.append(
-            [
-                "evidence, log Z; it depends on the bounds",
-                " ± ".join(numbers(evidence, log_z=2, sd=2)),
-            ]
-        )
-    return rows
-
-
 def rival_row(rival: dict) -> list[str]:
     """Another model of the measurements."""
     constants = [
@@ -246,21 +218,6 @@ def rival_row(rival: dict) -> list[str]:
         ", ".join(constants),
         rival["remedy"],
     ]
-
-
-def sensitivity_row(change: dict) -> list[str] | None:
-    """What a change of the prior shifts, where that matters."""
-    shifts = {
-        name: shift for name, shift in change["shift_sd"].items() if abs(shift or 0) > LEAST_SHIFT
-    }
-    if not shifts:
-        return None
-    text = limit_name(change["name"], change.get("side", ""))
-    if "side" in change:
-        text += f" from {change['from']:.4g} to {change['to']:.4g}"
-    largest_first = sorted(shifts, key=lambda name: -abs(shifts[name]))
-    shifted = ", ".join(f"{name} {shifts[name]:+.2f}" for name in largest_first)
-    return [text, shifted if change["exact"] else f"about {shifted}"]
 
 
 def provenance_rows(results: Results) -> list[list]:

@@ -15,7 +15,7 @@ def action(arguments: argparse.Namespace) -> dict:
 
 def show(document: dict) -> None:
     """The constants of all runs, and how well each model predicts the measurements."""
-    for title in ("constants", "models", "evidence"):
+    for title in ("constants", "models"):
         if rows := document[title]:
             show_table(title, rows[0], map(dict.values, rows))
 
