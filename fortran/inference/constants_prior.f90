@@ -59,7 +59,7 @@ module constants_prior
       !> Young's modulus of an isotropic solid with the mean measurement, GPa, and the mean of the
       !> scale tr log K/6 in the default prior, K in GPa, which is that of this solid.
       real(wp) :: typical_young = 0.0_wp, typical_scale = 0.0_wp
-      !> Factor on the sds of the default prior.
+      !> Factor on the sds of contrast and anisotropy in the default prior.
       real(wp) :: width = 1.0_wp
       !> Whether the density is one of log K, as the default is, and not of the constants.
       logical :: in_logarithms = .false.
@@ -236,7 +236,7 @@ contains
          ! A normal density in contrast and scale, whose Jacobian is 1/sqrt 5, and Student's t.
          k = self%n_constants - 2
          log_mass = log_mass + log(2.0_wp*pi*sqrt(5.0_wp)*contrast_sd*scale_sd) &
-            & + self%n_constants*log(self%width)
+            & + (k + 1)*log(self%width)
          if (k > 0) then
             log_mass = log_mass + log_gamma(0.5_wp*freedom) - log_gamma(0.5_wp*(freedom + k)) &
                & + 0.5_wp*k*log(freedom*pi*anisotropy_scale**2/k)
@@ -299,8 +299,8 @@ contains
          associate (contrast => w(1) - w(2)/sqrt(5.0_wp), &
             & scale => (w(1) + sqrt(5.0_wp)*w(2))/6.0_wp, &
             & squares => sum((w(3:)/(self%width*anisotropy_scale))**2))
-            log_density = -0.5_wp*(((contrast - contrast_mean)/contrast_sd)**2 &
-               & + ((scale - self%typical_scale)/scale_sd)**2)/self%width**2 &
+            log_density = -0.5_wp*(((contrast - contrast_mean)/(self%width*contrast_sd))**2 &
+               & + ((scale - self%typical_scale)/scale_sd)**2) &
                & - 0.5_wp*(freedom + k)*log(1.0_wp + k*squares/freedom)
          end associate
       end if

@@ -101,7 +101,7 @@ contains
       integer, intent(in) :: k
       type(rival_type), intent(out) :: rival
       type(error_type), allocatable, intent(out) :: error
-      !> Factor on the sds of the default prior.
+      !> Factor on the sds of contrast and anisotropy.
       real(wp), parameter :: widening = 3.0_wp
 
       if (k > 2) return

@@ -16,7 +16,9 @@ module test_operations
    use observables, only: path_type
    use kinds, only: degree, wp
    use operations, only: perform
+   use problem_posterior, only: run_type, sample_aside
    use random, only: new_random_stream, random_stream_type
+   use rivals, only: compare_rivals, diagnosis_type
    use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
    use sequential_design, only: compute_variances, set_candidates, update_posterior_mean
    use shared_errors, only: add_shared
@@ -116,6 +118,8 @@ contains
       case ('analysis.read_theory')
          ! Read the theory from now on as finely as `infer` does for these points.
          call choose_field_degree(self%posterior, points, x%threads(), x%error)
+      case ('analysis.diagnose')
+         call diagnose()
       case ('analysis.moduli')
          call draw_moduli()
       case default
@@ -155,6 +159,36 @@ contains
          where (spread(.not. x%values(:, 1) > -huge(0.0_wp), 2, 2)) x%values = ieee_value(1.0_wp, &
             & ieee_negative_inf)
       end subroutine evaluate
+
+      !> Other models of the measurements, compared at the maximum near a short chain.
+      subroutine diagnose()
+         integer, parameter :: degree = 16
+         type(chains_type) :: chains
+         type(diagnosis_type) :: found
+         character(len=:), allocatable :: names
+         integer :: i
+
+         call self%prepare(x%error)
+         if (allocated(x%error)) return
+         call sample_aside(self%problem, self%posterior, run_type(1000, 50, 1, 1, .false.), chains, &
+            & x%error)
+         if (allocated(x%error)) return
+         call self%posterior%set_field_degree(degree, x%error)
+         if (allocated(x%error)) return
+         call compare_rivals(self%problem, self%surrogate, self%posterior, chains%best_draw(), &
+            & found, x%error)
+         if (allocated(x%error)) return
+         names = ''
+         do i = 1, size(found%rivals)
+            names = names//found%rivals(i)%group//': '//found%rivals(i)%explanation//new_line('a')
+         end do
+         call x%out%put('rivals', names)
+         call x%out%put('log_odds', found%rivals%log_odds)
+         call x%out%put('log_z', found%stated%fit%log_z)
+         call x%out%put('p', found%p)
+         call x%out%put('factor', found%factor)
+         call x%out%put('order_odds', found%order_odds)
+      end subroutine diagnose
 
       !> Indentation moduli (GPa) of any grains, with the surrogate's error drawn given the data,
       !> and one plus the calibration error of each group, drawn likewise.

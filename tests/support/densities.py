@@ -66,6 +66,14 @@ class _Density(Held):
         found = self._call("sample", method=method, **run)
         return found["draws"], found["log_density"], found["acceptance"]
 
+    def diagnose(self) -> dict:
+        """Other models of the measurements without chains: `rivals` ('group: explanation', the best
+        first), their `log_odds`; `log_z` of the stated model; `p` and `factor` of the misfit, and
+        `order_odds` of any order of the orientations.
+        """
+        found = self._call("diagnose")
+        return found | {"rivals": found["rivals"].splitlines()}
+
     def moduli(
         self, points: ArrayLike, euler_deg: ArrayLike, seed: int = 0
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -100,6 +108,7 @@ class Posterior:
         self.values = self.analysis.prepare(what == PRIOR)
         self.evaluate, self.moduli = self.analysis.log_density, self.analysis.moduli
         self.sample, self.read_theory = self.analysis.sample, self.analysis.read_theory
+        self.diagnose = self.analysis.diagnose
 
     @classmethod
     def of(
