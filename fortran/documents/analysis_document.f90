@@ -7,11 +7,11 @@ module analysis_document
    use diagnostics, only: is_usable
    use errors, only: error_type, refuse
    use analysis, only: analysis_type
-   use diagnosis_document, only: write_diagnosis
    use files, only: file_exists
    use json, only: json_type
    use kinds, only: i8, nan, wp
    use resolved_namelist, only: resolved_text
+   use rivals, only: diagnosis_type
    use named_values, only: named_values_reader_type, named_values_type, restore
    use observables, only: path_names, surface_path
    use posterior_diagnostics, only: known_text, powers_text
@@ -56,7 +56,6 @@ contains
       end do
       call page%end_array()
       call write_parameters(page, found)
-      call write_limits()
       call page%put('correlation', correlate(found%chains, found%posterior%n_constants))
       if (allocated(found%theory_mean)) then
          call page%begin_object('theory_alone')
@@ -93,30 +92,32 @@ contains
       call page%put('chains', size(found%chains%draws, 3))
       call page%put('method', found%problem%settings%sampler%method)
       call page%put('seconds', found%seconds)
-
-   contains
-
-      !> Write the limits that truncate the posterior.
-      subroutine write_limits()
-         integer :: i, side
-
-         call page%begin_array('limits')
-         do i = 1, size(found%limits)
-            associate (limit => found%limits(i))
-               do side = 1, 2
-                  if (.not. limit%truncates(side)) cycle
-                  call page%begin_object()
-                  call page%put('name', trim(limit%name))
-                  call page%put('side', merge('upper', 'lower', side == 2))
-                  call page%put('stated', limit%stated)
-                  call page%put_numbers('value, share', [limit%range(side), limit%share(side)])
-                  call page%end_object()
-               end do
-            end associate
-         end do
-         call page%end_array()
-      end subroutine write_limits
    end subroutine write_analysis
+
+   !> Write what else explains the measurements, the best first.
+   subroutine write_diagnosis(page, diagnosis)
+      type(json_type), intent(inout) :: page
+      type(diagnosis_type), intent(in) :: diagnosis
+      integer :: i, j
+
+      call page%begin_array('diagnosis')
+      do i = 1, size(diagnosis%rivals)
+         associate (rival => diagnosis%rivals(i))
+            call page%begin_object()
+            call page%put('explanation', rival%explanation)
+            call page%put('group', rival%group)
+            call page%put('log_odds', rival%log_odds)
+            call page%begin_object('constants')
+            do j = 1, size(rival%mean)
+               call page%put_numbers('mean, sd', [rival%mean(j), rival%sd(j)], rival%names(j))
+            end do
+            call page%end_object()
+            call page%put('remedy', rival%remedy)
+            call page%end_object()
+         end associate
+      end do
+      call page%end_array()
+   end subroutine write_diagnosis
 
    !> Write the parameters, and the parts of the variance of each by source. Each known quantity is
    !> a source.
@@ -283,7 +284,6 @@ contains
             call begin('combination', &
                & powers_text(found%names(:size(found%combinations)), combination%exponents))
             call page%put_numbers(names, combination%exponents, 'exponents')
-            call page%put_numbers(names, combination%correlations, 'correlations')
             call page%put_numbers('sd, prior_sd', [combination%sd, combination%prior_sd])
             call write_share(page, share, verdict_of(1.0_wp, combination%sd, 1.0_wp, share))
             call page%end_object()
@@ -322,8 +322,8 @@ contains
       end subroutine begin
    end subroutine write_identifiability
 
-   !> Write the prior with its defaults, null where there is no limit, and the knowledge with its
-   !> conflict with all other information.
+   !> Write the prior with its defaults, and the knowledge with its conflict with all other
+   !> information.
    subroutine write_prior(page, found)
       type(json_type), intent(inout) :: page
       type(analysis_type), intent(in) :: found
@@ -333,16 +333,6 @@ contains
 
       call page%begin_object('prior')
       associate (prior => found%posterior%prior, known => found%posterior%prior%knowledge)
-         call page%put('measure', prior%measure())
-         call page%begin_object('bounds')
-         do j = 1, prior%n_constants
-            if (prior%has_bound(j)) then
-               call page%put(prior%class%constants(j), [prior%lower(j), prior%upper(j)])
-            end if
-         end do
-         call page%end_object()
-         call page%put('anisotropy_cap', &
-            & merge(prior%anisotropy_cap, nan, prior%anisotropy_cap < huge(1.0_wp)))
          call page%put('share_covered', prior%share_inside)
          call page%begin_array('knowledge')
          sd = known%sd()

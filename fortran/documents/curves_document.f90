@@ -167,7 +167,7 @@ contains
       end subroutine put_unknown
 
       subroutine put_tests()
-         real(wp) :: values(9)
+         real(wp) :: values(8)
          integer :: k
 
          call page%begin_array('tests')
@@ -180,12 +180,11 @@ contains
                call page%put('used', t%used)
                call page%put('reason', t%reason)
                values = [exp(t%ln_modulus)*[1.0_wp, sqrt(t%variance)], t%from_load, t%to_load, &
-                  & t%zero, t%drift, t%drift_sd, t%noise, t%correlation]
+                  & t%zero, t%drift, t%drift_sd, t%noise]
                ! NaN is written as null.
                if (.not. t%used) values = nan
                call page%put_numbers('effective_modulus_gpa, sd_gpa, elastic_from_mn, ' &
-                  & //'elastic_to_mn, zero_nm, drift_nm_s, drift_sd_nm_s, noise_nm, ' &
-                  & //'noise_correlation', values)
+                  & //'elastic_to_mn, zero_nm, drift_nm_s, drift_sd_nm_s, noise_nm', values)
                call page%end_object()
             end associate
          end do

@@ -89,23 +89,19 @@ contains
       character(len=*), intent(in) :: kind
       class(*), pointer, intent(out) :: object
       type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: found
       integer :: i
 
       object => null()
-      found = ''
       i = 0
       !$omp critical (object_registry)
       if (handle > 0) i = index_of(handle)
-      if (i > 0) found = entries(i)%kind
-      if (found == kind) object => entries(i)%object
+      if (i > 0) then
+         if (entries(i)%kind == kind) object => entries(i)%object
+      end if
       !$omp end critical (object_registry)
-      if (associated(object)) return
-      if (len(found) > 0) then
-         call refuse(error, 'handle '//to_text(handle)//' stands for a '//found//', not a '//kind)
-      else
+      if (.not. associated(object)) then
          call refuse(error, 'the '//kind//' does not exist any more (handle '//to_text(handle) &
-            & //' was freed, or is of another process)')
+            & //' was freed, or is of another kind or process)')
       end if
    end subroutine find_object
 

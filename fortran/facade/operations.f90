@@ -129,17 +129,16 @@ contains
          if (.not. allocated(x%error)) call read_settings(namelist, '', '', settings, x%error)
          if (.not. allocated(x%error)) call put_settings(settings, x%out)
          call locate_error(x%error, path)
-      case ('settings.problem')
-         !> path, content -> handle
-         allocate (problem)
-         call x%give(problem, 'problem')
-         call problem_of_text(path, x%in%text('content'), problem, x%error)
       case ('file.problem')
-         !> path, command, changes -> handle
+         !> path, content, command, changes -> handle
+         ! A problem of a text, or of a file for a command.
          allocate (problem)
          call x%give(problem, 'problem')
-         call read_problem(path, x%in%text('command'), x%in%text('changes'), problem, &
-            & x%error)
+         if (x%in%has('content')) then
+            call problem_of_text(path, x%in%text('content'), problem, x%error)
+         else
+            call read_problem(path, x%in%text('command'), x%in%text('changes'), problem, x%error)
+         end if
       case ('file.crystals')
          !> path, symmetry -> handle
          ! A problem that has only a table of crystals. `symmetry` applies to rows without one.

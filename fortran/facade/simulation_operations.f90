@@ -66,9 +66,6 @@ contains
          !> factor_entries, factor_operations, workspace_bytes, unknowns, nodes, bricks,
          !> infinite_elements
          call describe_model(model, x%out)
-      case ('mesh')
-         !> -> x, gap, brick, material, facet, contact, clamped, hanging, master
-         call put_mesh(model, x%out)
       case ('run')
          !> stiffness, euler_deg -> indentation_modulus_gpa, depth_um, force_mn,
          !> modulus_by_depth_gpa, contact_radius_um, elements, seconds, seconds_factor,
@@ -255,8 +252,7 @@ contains
          !> -> ..
          call describe_problem(self, x%out)
       case ('column')
-         !> table, column -> cells, cells.columns, stiffness, euler_deg, modulus_gpa, sd_gpa,
-         !> constants, class
+         !> table, column -> stiffness, euler_deg, modulus_gpa, sd_gpa, constants, class
          call give_column(points_of(self, x%in%text('table')), x%in%text('column'), x%out)
       case ('warn')
          !> code, subject ->
@@ -401,37 +397,22 @@ contains
       end select
    end function points_of
 
-   !> Put the 'cells' of a table, the 'stiffness' of its crystals, or its other 'numbers'.
+   !> Put the 'stiffness' of the crystals of a table, or its other 'numbers'.
    subroutine give_column(points, name, out)
       type(points_type), intent(in) :: points
       character(len=*), intent(in) :: name
       type(named_values_type), intent(inout) :: out
-      type(line_type), allocatable :: cells(:)
-      integer :: i, j
 
-      select case (name)
-      case ('cells')
-         ! The header, then row by row.
-         allocate (cells(points%table%columns*(points%table%rows + 1)))
-         do i = 0, points%table%rows
-            do j = 1, points%table%columns
-               cells(i*points%table%columns + j)%text = points%table%cell(j, i)
-            end do
-         end do
-         call out%put('cells', cells)
-         call out%put('cells.columns', points%table%columns)
-      case ('stiffness')
+      if (name == 'stiffness') then
          call out%put('stiffness', points%stiffness)
-      case default
-         call out%put('euler_deg', points%euler_deg)
-         if (allocated(points%modulus_gpa)) then
-            call out%put('modulus_gpa', points%modulus_gpa)
-         end if
-         if (allocated(points%sd_gpa)) call out%put('sd_gpa', points%sd_gpa)
-         if (.not. allocated(points%class)) return
-         call out%put('constants', points%constants)
-         call out%put_integers('class', points%class, [points%n])
-      end select
+         return
+      end if
+      call out%put('euler_deg', points%euler_deg)
+      if (allocated(points%modulus_gpa)) call out%put('modulus_gpa', points%modulus_gpa)
+      if (allocated(points%sd_gpa)) call out%put('sd_gpa', points%sd_gpa)
+      if (.not. allocated(points%class)) return
+      call out%put('constants', points%constants)
+      call out%put_integers('class', points%class, [points%n])
    end subroutine give_column
 
 end module simulation_operations

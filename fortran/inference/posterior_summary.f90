@@ -41,9 +41,8 @@ module posterior_summary
    !> A product of powers of the constants: one that the measurements determine best, worst or in
    !> between, by its variance relative to the prior's.
    type :: combination_type
-      !> Powers of the constants at the mean crystal, the largest 1, and correlations of the
-      !> constants with the logarithm of the product, (constant).
-      real(wp), allocatable :: exponents(:), correlations(:)
+      !> Powers of the constants at the mean crystal, the largest 1.
+      real(wp), allocatable :: exponents(:)
       !> Standard deviations of the logarithm in the posterior and in the prior.
       real(wp) :: sd = 0.0_wp, prior_sd = 0.0_wp
    end type combination_type
@@ -183,8 +182,6 @@ contains
          associate (combination => combinations(i))
             combination%exponents = gradient/largest
             combination%sd = sqrt(max(0.0_wp, sum(vector*matmul(posterior_covariance, vector))))
-            combination%correlations = matmul(joint(:k, k + 1:), vector) &
-               & /(combination%sd*[(sqrt(joint(j, j)), j=1, k)])
             combination%prior_sd = sqrt(sum(vector*matmul(prior_covariance, vector)))
          end associate
          values(i, :) = matmul(vector, extended(k + 1:, :))

@@ -15,9 +15,8 @@ from .crystal.elasticity import constant_names as constants
 from .fe.indentation import Indentation, IndentationResult, film_modulus
 from .inference.extract import extract, next_grain, plan, summary
 from .program.functions import FUNCTIONS
-from .report import plots
 from .report.comparison import compare
-from .report.plots import *  # noqa: F403
+from .report.plots import PLOTS
 from .settings.problem import Problem
 from .stages.build import build_surrogate as build
 from .stages.curves import curves
@@ -53,7 +52,6 @@ __all__ = [
     "stiffness",
     "summary",
 ]
-__all__ += plots.__all__
-# Commands that have no function with keywords of their own.
-globals().update(FUNCTIONS)
-__all__ += [*FUNCTIONS]
+# Figures, and commands that have no function with keywords of their own.
+globals().update(PLOTS | FUNCTIONS)
+__all__ += [*PLOTS, *FUNCTIONS]

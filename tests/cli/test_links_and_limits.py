@@ -243,7 +243,7 @@ def test_a_build_by_itself_keeps_step_2(folder, bayesindent, few_figures):
     (folder / "b.nml").write_text(text.replace("'cubic'", "'cubic', title = 'another'", 1))
     assert bayesindent("build", "b.nml", "--output", "out").returncode == 0
     assert bayesindent("report", "out").returncode == 0
-    assert (folder / "out" / "report.html").read_text().count("<figure") == figures > 5
+    assert (folder / "out" / "report.html").read_text().count("<figure") == figures > 1
 
 
 def test_what_was_changed_or_damaged_is_not_believed(measured, bayesindent):

@@ -98,7 +98,7 @@ def test_the_header_of_a_deck_names_what_each_material_is(options, around):
 
 
 def test_stress_balances_the_force(block):
-    mesh, result = block.mesh_arrays(), block.run(ZINC, ANGLES)
+    mesh, result = block.mesh_arrays(ZINC, ANGLES), block.run(ZINC, ANGLES)
     u, stress = block.fields(ZINC, ANGLES)
     assert u[mesh.clamped] == pytest.approx(0.0, abs=0.0)
     # The indenter pushes the contact nodes down to its surface, to what single precision leaves of

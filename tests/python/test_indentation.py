@@ -153,7 +153,7 @@ def test_failures_are_returned_in_place(coarse):
 
 def test_the_default_block_is_the_papers():
     model = bi.Indentation(geometry="block", refine=0.7)
-    x = model.mesh_arrays().x
+    x = model.mesh_arrays(ZINC).x
     assert x.min(axis=0) == pytest.approx([-4.8, -4.8, -4.8])
     assert x.max(axis=0) == pytest.approx([4.8, 4.8, 0.0])
     result = model.run(ZINC, (0, 0, 0))

@@ -9,7 +9,8 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.program.cli import main
-from bayesindent.report.figures.maps import draw_map
+from bayesindent.report.figures.maps import draw_map, orientation_map
+from bayesindent.report.results import Results
 from support.diagnostics import codes, of_code
 from support.orientation_maps import EDGE, LEFT, along, measured, pixels, write
 
@@ -164,8 +165,14 @@ def test_the_picture_and_the_grains_of_the_indents(tmp_path, capsys, monkeypatch
     (tmp_path / "a.nml").write_text(
         "&problem symmetry = 'cubic' /\n"
         "&measurements file = 'grains.csv' ebsd = 'map.ang' ebsd_points = 'points.csv' /\n"
-        "&surrogate file = 'half-space' /\n"
+        "&surrogate file = 'halfspace' /\n"
+        "&sampler samples = 100, burn_in = 200, chains = 1 /\n"
     )
+    # The report has the same picture, with the key of its colours.
+    assert main(["extract", "a.nml", "--output", "r"]) == 3
+    axes = orientation_map(Results("r")).figure.axes[0]
+    assert [key.name for key in axes.child_axes] == ["ipf"]
+    capsys.readouterr()
     assert main(["map", "a.nml", "--output", "o", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     grains = [row["grain"] for row in document["results"]]
@@ -175,7 +182,7 @@ def test_the_picture_and_the_grains_of_the_indents(tmp_path, capsys, monkeypatch
     (tmp_path / "b.nml").write_text(
         "&problem symmetry = 'cubic' /\n"
         "&measurements file = 'grains.csv' /\n"
-        "&surrogate file = 'half-space' /\n"
+        "&surrogate file = 'halfspace' /\n"
     )
     assert main(["map", "b.nml"]) == 2
 

@@ -157,7 +157,7 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
         lambda *bar: bars.append(bar) or progress_bar(*bar),
     )
     assert main(["report", str(output), "--paper", "--json"]) == 0
-    assert bars == [("figures", 2)]
+    assert bars == [("figures", 4)]
     found = json.loads((output / "summary.json").read_text())["parameters"]
     paper = output / "paper"
     text = (paper / "methods.tex").read_text()

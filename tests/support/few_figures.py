@@ -8,12 +8,8 @@ __all__ = ["few_figures"]
 
 #: The figures that remain. Each takes a tenth of a second or two.
 QUICK = (
-    "knowledge",
-    "shares",
-    "error_budget",
     "grain_comparison",
     "parity",
-    "residuals",
     "learning_curve",
     "validation",
 )

@@ -213,18 +213,16 @@ class Indentation(NativeObject):
         return self._problem._call("mesh_error", stiffness=stiffness)["values"][0]
 
     def mesh_arrays(
-        self, stiffness: ArrayLike | None = None, euler_deg: ArrayLike = (0, 0, 0)
+        self, stiffness: ArrayLike, euler_deg: ArrayLike = (0, 0, 0)
     ) -> SimpleNamespace:
-        """The finest mesh, or the larger one for a crystal whose contact exceeds its refined zone.
+        """The finest mesh for a crystal, a larger one if its contact exceeds the refined zone.
 
         It has the nodes `x` in um, the nodes of each `brick`, its `material` (the crystal is 0),
         and the `facet`s that carry infinite elements; the `contact` nodes and the `gap` above each
         at zero depth; the `clamped` nodes; and the `hanging` nodes, which follow the mean of up to
         four `master` nodes (-1 for none). Nodes are numbered from 0.
         """
-        return SimpleNamespace(
-            **(self._call("mesh") if stiffness is None else self._fields(stiffness, euler_deg))
-        )
+        return SimpleNamespace(**self._fields(stiffness, euler_deg))
 
     def _fields(
         self, stiffness: ArrayLike, euler_deg: ArrayLike, step: int = -1

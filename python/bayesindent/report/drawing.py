@@ -4,13 +4,11 @@ import base64
 import io
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
 from itertools import chain, product
 from typing import Any
 
 import numpy as np
-from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.patches import Rectangle, StepPatch
+from matplotlib.collections import LineCollection
 
 from ..common.progress import progress_bar
 from ..common.result_files import whole_file, write_csv
@@ -20,7 +18,6 @@ from .figures.style import (
     WIDTH,
     Picture,
     house_style,
-    lay_out,
     letter_panels,
     panels_of,
     stamp_synthetic,
@@ -28,14 +25,13 @@ from .figures.style import (
 )
 from .results import NothingToShow, Results
 
-#: Columns of the numbers behind a figure; only bars have width and height.
-HEADER = ("panel", "x_axis", "y_axis", "kind", "series", "point", "x", "y", "width", "height")
+#: Columns of the numbers behind a figure.
+HEADER = ("panel", "x_axis", "y_axis", "kind", "series", "point", "x", "y")
 
 
-def figure_table(picture: Picture) -> tuple[list[str], list[list]]:
-    """Header and rows of the numbers behind a figure.
-
-    They are its own table, or every line, bar and area in units of the axes.
+def figure_table(picture: Picture) -> tuple[Sequence[str], list[list]]:
+    """Header and rows of the numbers behind a figure: its own table, or every line and error bar in
+    units of the axes.
     """
     if picture.table is not None:
         return picture.table
@@ -44,9 +40,8 @@ def figure_table(picture: Picture) -> tuple[list[str], list[list]]:
         for number, (kind, label, points) in enumerate(series_of(axes), start=1):
             name = f"series {number}" if label.startswith("_") or not label else label
             about = [panel, axes.get_xlabel() or axes.get_title(), axes.get_ylabel(), kind, name]
-            for point, values in enumerate(points, start=1):
-                rows.append([*about, point, *map(float, values), *[""] * (4 - len(values))])
-    return list(HEADER), rows
+            rows += [[*about, point, *map(float, xy)] for point, xy in enumerate(points, start=1)]
+    return HEADER, rows
 
 
 def series_of(axes: Any) -> Iterator[tuple[str, str, Iterable[Sequence[float]]]]:
@@ -57,21 +52,6 @@ def series_of(axes: Any) -> Iterator[tuple[str, str, Iterable[Sequence[float]]]]
     for item in axes.collections:
         if isinstance(item, LineCollection):
             yield "segments", item.get_label(), chain(*item.get_segments())
-        elif isinstance(item, PolyCollection):
-            corners = (path.vertices for path in item.get_paths())
-            yield "area", item.get_label(), chain(*corners)
-    drawn = [
-        (*bar.get_xy(), bar.get_width(), bar.get_height())
-        for bar in axes.patches
-        if isinstance(bar, Rectangle) and bar.get_data_transform() == axes.transData
-    ]
-    if drawn:
-        yield "bar", "", drawn
-    for patch in axes.patches:
-        if isinstance(patch, StepPatch):
-            heights, edges, _ = patch.get_data()
-            bars = np.column_stack([edges[:-1], 0 * heights, np.diff(edges), heights])
-            yield "bar", patch.get_label(), bars
 
 
 #: File formats of figures for papers, and the dots per inch of their images.
@@ -102,34 +82,32 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
     files = {WIDTH: [(results.folder / "figures", kind_of_files, SCREEN)] if kind_of_files else []}
     if paper:
         files[COLUMN] = [(paper_folder, kind, dots) for kind, dots in FOR_PAPERS.items()]
-    pictures: dict[tuple[float, str], tuple[str, Picture]] = {}
-    for width, (section, function) in product(files, FIGURES):
-        if width == WIDTH or section not in NO_PAPER:
-            with house_style(width), suppress(NothingToShow):
-                picture = function(results)
-                pictures[width, function.__name__] = section, picture
-                if results.synthetic and section in MEASURED:
-                    stamp_synthetic(picture.figure)
     drawn: dict[str, list[dict]] = defaultdict(list)
-    with progress_bar("figures", len(pictures)) as counted:
-        for (width, name), (section, picture) in pictures.items():
-            figure = picture.figure
+    with progress_bar("figures", len(files) * len(FIGURES)) as counted:
+        for width, (section, function) in product(files, FIGURES):
+            counted()
+            name, in_paper = function.__name__, width == COLUMN
+            if in_paper and section in NO_PAPER:
+                continue
             with house_style(width):
-                if width == COLUMN:
+                try:
+                    picture = function(results)
+                except NothingToShow:
+                    # Remove files of other inputs.
+                    for folder, kind, _ in [*files[width], *[(paper_folder, "csv", 0)] * in_paper]:
+                        (folder / f"{name}.{kind}").unlink(missing_ok=True)
+                    continue
+                figure = picture.figure
+                if results.synthetic and section in MEASURED:
+                    stamp_synthetic(figure)
+                if in_paper:
                     letter_panels(figure)
                     write_csv(paper_folder / f"{name}.csv", *figure_table(picture), picture.caption)
-                lay_out(figure, max((dots for *_, dots in files[width]), default=SCREEN))
                 for folder, kind, dots in files[width]:
                     with whole_file(folder / f"{name}.{kind}") as file:
                         figure.savefig(file, dpi=dots, **SAVED[kind])
-                if width == WIDTH:
+                if not in_paper:
                     drawn[section].append(embedded(picture))
-            counted()
-    for _, function in FIGURES:
-        if (WIDTH, function.__name__) not in pictures:
-            # Remove files of other inputs.
-            for folder, kind, _ in chain(*files.values(), [(paper_folder, "csv", 0)] * paper):
-                (folder / f"{function.__name__}.{kind}").unlink(missing_ok=True)
     return drawn
 
 

@@ -4,22 +4,16 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
-from markupsafe import Markup, escape
-
 from ..crystal.elasticity import constant_names
 
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 
+#: Signs that LaTeX needs in another form.
 LATEX = str.maketrans(
-    {
+    {sign: f"\\{sign}" for sign in "{}$%_&#"}
+    | {sign: f"${sign}$" for sign in "<>"}
+    | {
         "\\": r"\textbackslash{}",
-        "{": r"\{",
-        "}": r"\}",
-        "$": r"\$",
-        "%": r"\%",
-        "_": r"\_",
-        "&": r"\&",
-        "#": r"\#",
         "±": r"$\pm$",
         "–": "--",
         "°": r"$^\circ$",
@@ -34,8 +28,6 @@ LATEX = str.maketrans(
         "−": "$-$",
         "^": r"\^{}",
         "~": r"\~{}",
-        "<": "$<$",
-        ">": "$>$",
         "→": r"$\to$",
     }
 )
@@ -53,8 +45,12 @@ MODULI = {
 
 
 def number(value: float | None, digits: int = 1) -> str:
-    """A number as text; a dash for None and NaN."""
-    return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
+    """A number as text; a dash for None and NaN, and 0 for -0."""
+    return (
+        "–"
+        if value is None or not math.isfinite(value)
+        else f"{round(value, digits) + 0.0:.{digits}f}"
+    )
 
 
 def digits_of(parameter: str) -> int:
@@ -104,22 +100,6 @@ def region(item: Mapping, direction: str) -> str:
 def share_cells(item: Mapping) -> list[str]:
     """The shares of the variance in per cent (see `SHARES`), and the verdict."""
     return [*(percent(item["share"][name]) for name in SHARES), item["verdict"].replace("_", " ")]
-
-
-def limit_name(name: str, side: str = "") -> str:
-    """The name of a limit of the prior or of a surrogate's domain."""
-    words = {
-        "anisotropy_cap": "the anisotropy index",
-        "log_anisotropy_max": "log-anisotropy",
-        "poisson": "Poisson's ratio (Hill)",
-        "stiffness_gpa": "the scale of the stiffness",
-    }
-    domain, _, own = name.rpartition(".")
-    return (
-        f"{side} limit of " * bool(side)
-        + words.get(own, own)
-        + " in the domain of the surrogate" * bool(domain)
-    )
 
 
 def orientation(euler_deg: Iterable[float]) -> str:
@@ -210,48 +190,3 @@ def subscript(name: str) -> str:
     Formulas of matplotlib are slow, and are not text in its files.
     """
     return "C" + name[1:].translate(SUBSCRIPTS) if name[:1] == "C" and name[1:].isdigit() else name
-
-
-def powers(exponents: dict[str, float]) -> list[tuple[str, str]]:
-    """Indices and power of each factor of a product of powers of constants.
-
-    Powers close to 0 are left out; a power of 1 is ''.
-    """
-    return [
-        (name[1:], "" if abs(power - 1) < 0.005 else f"{power:.2f}")
-        for name, power in exponents.items()
-        if abs(power) >= 0.05
-    ]
-
-
-def product_label(exponents: dict[str, float]) -> str:
-    """A product of powers of constants as a formula of matplotlib."""
-    return (
-        "$"
-        + r"\,".join(
-            f"C_{{{index}}}" + (f"^{{{power}}}" if power else "")
-            for index, power in powers(exponents)
-        )
-        + "$"
-    )
-
-
-def product_html(exponents: dict[str, float]) -> Markup:
-    """A product of powers of constants, such as C11^1 C44^0.77."""
-    factor = Markup('<span class="whole"><i>C</i><sub>{}</sub>{}</span>')
-    raised = Markup("<sup>{}</sup>")
-    return Markup(" ").join(
-        factor.format(index, power and raised.format(power.replace("-", "−")))
-        for index, power in powers(exponents)
-    )
-
-
-def products_as_html(text: str) -> Markup:
-    """A text with its powers of constants, such as C11^1.00 C44^0.77, as HTML."""
-    return Markup(
-        re.sub(
-            r"\b(C\d\d)\^(-?\d+\.\d+)",
-            lambda found: product_html({found[1]: float(found[2])}),
-            str(escape(text)),
-        )
-    )

@@ -10,7 +10,7 @@ from ..stages.results_folder import using_documents
 from .drawing import draw_figures
 from .paper import write_paper
 from .results import Results
-from .sections import report_rows
+from .sections import tables
 from .templates import render
 
 
@@ -24,13 +24,14 @@ def write_report(
     if results.result is not None:
         results.folder = output or results.folder
     with using_documents(results.folder):
+        found = tables(results)
         if paper:
-            write_paper(results)
+            write_paper(results, found)
         page = render(
             "report.html.j2",
             results=results,
+            tables=found,
             figures=draw_figures(results, kind_of_files, paper),
-            rows=report_rows(results),
         )
     file = (output or results.folder) / "report.html"
     write_text(file, page)

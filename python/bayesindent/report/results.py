@@ -7,7 +7,6 @@ from collections.abc import Callable, Sized
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -17,7 +16,7 @@ from ..common.diagnostics import diagnostic, distinct
 from ..core import InputError, call
 from ..crystal.elasticity import class_name, constant_names, stiffness_rows
 from ..crystal.metals import metals
-from ..settings.problem import typed
+from ..settings.problem import Problem, typed
 from ..stages.results_folder import (
     DOCUMENTS,
     MANIFEST,
@@ -109,7 +108,7 @@ class Results:
                 self.documents[stage] = document
             elif document:
                 self.outdated.append(stage)
-        self.edited = changed_inputs(folder)
+        self.edited = changed_inputs(folder, self.manifest, self.problem)
         if self.extracted and not (folder / "posterior.bin").exists():
             self.edited.append(diagnostic("posterior_missing", f"{folder / 'posterior.bin'}"))
 
@@ -121,6 +120,14 @@ class Results:
     def namelist_folder(self) -> Path:
         """The folder of the last namelist."""
         return Path(self.manifest.get("namelist", ".")).parent
+
+    @cached_property
+    def problem(self) -> Problem | None:
+        """The problem of the last namelist as it is now; None if it cannot be read."""
+        try:
+            return Problem(self.manifest["namelist"])
+        except (KeyError, InputError):
+            return None
 
     @cached_property
     def settings(self) -> dict[str, dict]:
@@ -144,20 +151,11 @@ class Results:
         if (stated := self.settings["problem"].get("reference_gpa")) is not None and len(stated):
             values = dict(zip(self.constants, map(float, stated)))
             return "truth" if self.synthetic else "reference", values
-        if self.metal:
-            return f"literature, pure {self.metal.name}", self.metal.constants
+        for metal in metals().values():
+            named = re.search(rf"\b{metal.name}\b", self.title, re.IGNORECASE)
+            if named and metal.symmetry == self.symmetry:
+                return f"literature, pure {metal.name}", metal.constants
         return "", {}
-
-    @cached_property
-    def metal(self) -> SimpleNamespace | None:
-        """The pure metal that the title names, if its crystal class is that of the problem."""
-        named = (
-            metal
-            for metal in metals().values()
-            if metal.symmetry == self.symmetry
-            and re.search(rf"\b{metal.name}\b", self.title, re.IGNORECASE)
-        )
-        return next(named, None)
 
     @property
     def warnings(self) -> list[dict]:

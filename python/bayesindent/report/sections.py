@@ -1,28 +1,26 @@
-"""The rows of the report's tables; their captions, headers and the texts beside them are in its
-template.
-"""
+"""The tables of the report, and of a paper."""
 
-import hashlib
-import platform
-from importlib import metadata
+from collections.abc import Sequence
 from itertools import repeat
+from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
-from markupsafe import Markup
 
 from ..version import __version__
 
 from .formatting import (  # isort: skip
+    SHARE_HEADER,
+    cells,
     digits_of,
     direction_name,
     has_four_indices,
-    limit_name,
+    named,
     number,
     numbers,
     orientation,
     percent,
     plus_minus,
-    product_html,
     quantity_format,
     quantity_label,
     region,
@@ -32,76 +30,314 @@ from .formatting import (  # isort: skip
 )
 from .results import Results, residual
 
-#: Rows of a table of simulations that are shown at most.
-MOST_ROWS = 40
 #: Draws behind mean and sd of a compliance.
 DRAWS = 4000
+#: Headers of Bunge's angles, and of what is measured.
+ANGLES = ("φ₁ (°)", "Φ (°)", "φ₂ (°)")
+COMPARED = ("measured", "sd", "predicted", "sd")
 
 
-def report_rows(results: Results) -> dict[str, list[list]]:
-    """The rows of each table; none where the results have nothing of it."""
-    document = results.extracted
-    parameters = document.get("parameters", {})
-    suggestions = results.documents["next"].get("suggestions", [])
+class Table(NamedTuple):
+    """A table, which is left out without rows. The cells of `prose` are sentences."""
+
+    caption: str
+    header: Sequence[str]
+    rows: list[list[str]]
+    prose: bool = False
+
+
+def tables(results: Results) -> dict[str, Table]:
+    """All tables by name."""
+    return (
+        tables_of_result(results)
+        | tables_of_crystal(results)
+        | tables_of_checks(results)
+        | tables_of_stages(results)
+    )
+
+
+def tables_of_result(results: Results) -> dict[str, Table]:
+    """The constants, and what else they rest on or would determine them."""
+    document, constants = results.extracted, results.constants
+    parameters, (label, reference) = document.get("parameters", {}), results.reference
     return {
-        "constants": [
-            constant_row(name, item, results.reference[1]) for name, item in parameters.items()
-        ],
-        "grains": [
-            [*grain_cells(row, item), *compared_cells(item), number(rounded_residual(item))]
-            for row, item in enumerate(results.predicted, start=1)
-        ],
-        "compliances": compliance_rows(results) if results.samples else [],
-        "correlation": [
-            [name, *map(number, row, repeat(2))]
-            for name, row in zip(parameters, document.get("correlation", []))
-        ],
-        "assumptions": [
+        "constants": Table(
+            "Elastic constants in GPa: mean and standard deviation (sd), 95 % interval of highest "
+            "density, and the shares of the variance that are due to the measurements, to what "
+            "else was known and to the prior",
             [
-                row["assumption"],
-                "yes" if row["included"] else "no",
-                *numbers(row["shift"], **dict.fromkeys(results.constants, 1)),
-                row.get("text", ""),
-            ]
-            for row in document.get("assumptions", [])
-        ],
-        "limits": [
+                *("constant", "mean", "sd", "sd (%)", "95 % interval"),
+                *([label] * bool(reference)),
+                *SHARE_HEADER,
+            ],
+            [constant_row(name, item, reference) for name, item in parameters.items()],
+        ),
+        "assumptions": Table(
+            "What no measurement can refute: the change of each constant in GPa if an assumption "
+            "is wrong by its usual size",
+            ["assumption", *constants, "in the sd"],
             [
-                limit_name(row["name"], row["side"]),
-                f"{row['value']:.4g}",
-                percent(row["share"]),
-                "yes" if row["stated"] else "no",
-            ]
-            for row in document.get("limits", [])
-        ],
-        "combinations": [
-            [product_html(row["exponents"]), *identifiability_cells(row)]
-            for row in results.identifiability("combination")
-        ],
-        "quantities": [
-            [quantity_label(row, results.symmetry), *identifiability_cells(row)]
-            for row in results.identifiability("quantity")
-            if row["name"] not in parameters
-        ],
-        "prior": prior_rows(results) if document.get("prior") else [],
-        "diagnosis": list(map(rival_row, document.get("diagnosis", []))),
-        "simulations": simulation_rows(results),
-        "suggestions": [
-            [
-                name,
-                *angles_of(item),
-                region(item, item.get("uvw") or direction(item, results.symmetry)),
-                number(item["gain"], 3),
-            ]
-            for name, item in zip(suggested_grains(suggestions), suggestions)
-        ],
-        "provenance": provenance_rows(results),
+                [
+                    row.get("text", row["assumption"]),
+                    *numbers(row["shift"], **dict.fromkeys(constants, 1)),
+                    "yes" if row["included"] else "no",
+                ]
+                for row in document.get("assumptions", [])
+            ],
+            prose=True,
+        ),
+        "knowledge": Table(
+            "What else to measure or to look up: the sd of each constant in GPa, now and with one "
+            "more quantity known",
+            ["known", *constants],
+            knowledge_rows(results),
+        ),
     }
+
+
+def tables_of_crystal(results: Results) -> dict[str, Table]:
+    """The measurements, and what follows from the constants."""
+    document, constants = results.extracted, results.constants
+    parameters, budget = document.get("parameters", {}), document.get("error_budget", {})
+    return {
+        "grains": Table(
+            f"The {results.kind} of each grain in GPa, measured and as the posterior predicts it "
+            "without the noise; the residual in units of the stated sd",
+            ["grain", *ANGLES, *COMPARED, "residual"],
+            [
+                [
+                    *grain_cells(row, item),
+                    *compared_cells(item),
+                    number(residual(item) if item.get("measured_sd") else None),
+                ]
+                for row, item in enumerate(results.predicted, start=1)
+            ],
+        ),
+        "velocities": Table(
+            f"The {results.speed} in m/s, measured and as the posterior predicts it without the "
+            "noise; the direction of propagation in degrees from x",
+            ["grain", *ANGLES, "direction", "wave", *COMPARED],
+            [
+                [*grain_cells(row, item), *wave_cells(item)]
+                for row, item in enumerate(results.velocities, start=1)
+            ],
+        ),
+        "compliances": Table(
+            "Compliances" + " and Zener ratio" * is_cubic(constants),
+            ["", "mean ± sd"],
+            compliance_rows(results) if results.samples else [],
+        ),
+        "correlation": Table(
+            "Correlation of the constants in the posterior",
+            ["", *parameters],
+            [
+                [name, *map(number, row, repeat(2))]
+                for name, row in zip(parameters, document.get("correlation", []))
+            ],
+        ),
+        "quantities": Table(
+            "Quantities of the crystal: mean and sd, sd of the prior, and shares of the variance",
+            ["quantity", "mean", "sd", "sd of the prior", *SHARE_HEADER],
+            [
+                [
+                    quantity_label(row, results.symmetry),
+                    *numbers(
+                        row, **dict.fromkeys(("mean", "sd", "prior_sd"), quantity_format(row)[1])
+                    ),
+                    *share_cells(row),
+                ]
+                for row in results.identifiability("quantity")
+                if row["name"] not in parameters
+            ],
+        ),
+        "combinations": Table(
+            "Products of powers of the constants, from the best to the worst determined: "
+            "exponents, relative sds and shares of the variance",
+            [*constants, "sd (%)", "sd of the prior (%)", *SHARE_HEADER],
+            [
+                [
+                    *numbers(row["exponents"], **dict.fromkeys(constants, 2)),
+                    percent(row["sd"], 2),
+                    percent(row["prior_sd"], 2),
+                    *share_cells(row),
+                ]
+                for row in results.identifiability("combination")
+            ],
+        ),
+        "error_budget": Table(
+            "Error budget: the sources of the variance of each constant in per cent. Calibration: "
+            "what moduli share",
+            ["source", *parameters],
+            [
+                [source.replace("_", " "), *map(percent, map(itemgetter(source), budget.values()))]
+                for source in next(iter(budget.values()), {})
+            ],
+        ),
+        "theory_alone": Table(
+            "Constants in GPa with theory of the half-space alone, without the specimen",
+            ["constant", "mean", "sd"],
+            named(document.get("theory_alone", {}), mean=1, sd=1),
+        ),
+    }
+
+
+def tables_of_checks(results: Results) -> dict[str, Table]:
+    """Diagnostics of the posterior, and what made it."""
+    document = results.extracted
+    misfit = document.get("checks", {}).get("misfit", {})
+    return {
+        "convergence": Table(
+            "Convergence of {chains} chains of {samples} samples; R-hat should be below "
+            "1.01".format(**{"chains": 0, "samples": 0} | document),
+            ["constant", "R-hat", "effective samples, bulk", "tail"],
+            named(document.get("parameters", {}), r_hat=3, ess_bulk=0, ess_tail=0),
+        ),
+        "checks": Table(
+            "Do the measurements agree with the model? A p near 0: something is missing; near 1: "
+            "the stated sds are too large",
+            ["chi-square", "degrees of freedom", "p"],
+            [numbers(misfit, chi_square=1, freedom=0, p=3)] if misfit.get("p") is not None else [],
+        ),
+        "diagnosis": Table(
+            "Other models of the measurements; log odds over the stated one",
+            ["explanation", "group", "log odds", "constants (GPa)", "remedy"],
+            list(map(rival_row, document.get("diagnosis", []))),
+            prose=True,
+        ),
+        "provenance": Table(
+            "What made these results",
+            ["", ""],
+            [
+                ["bayesindent", __version__],
+                ["seed", results.settings["problem"].get("seed", "–")],
+                ["stages", ", ".join(name for name, found in results.documents.items() if found)],
+                *[["left out, since made from other inputs", ", ".join(results.outdated)]]
+                * bool(results.outdated),
+            ],
+            prose=True,
+        ),
+    }
+
+
+def tables_of_stages(results: Results) -> dict[str, Table]:
+    """The tables of the other stages than `extract`."""
+    following, curves, build = (results.documents[name] for name in ("next", "curves", "build"))
+    suggestions, theory = following.get("suggestions", []), results.theory_moduli
+    unknowns = curves.get("tip", {}) | curves.get("frame", {})
+    unknowns |= {f"session {row['session']}": row["factor"] for row in curves.get("sessions", [])}
+    return {
+        "suggestions": Table(
+            "Which grain to measure next, each chosen given those above it",
+            ["grain", *ANGLES, "direction along z", f"expected gain ({following.get('unit')})"],
+            [
+                [
+                    name,
+                    *angles_of(item),
+                    region(item, item.get("uvw") or direction(item, results.symmetry)),
+                    number(item["gain"], 3),
+                ]
+                for name, item in zip(suggested_grains(suggestions), suggestions)
+            ],
+        ),
+        "tip": Table(
+            "What tests share: tip, frame, and factors of sessions",
+            ["", "mean", "sd", "sd of the prior", "determined by"],
+            [
+                [name, *numbers(item, mean=4, sd=4, prior_sd=4), item["decided_by"]]
+                for name, item in unknowns.items()
+            ],
+        ),
+        "errors": Table(
+            "Sources of error of a grain's modulus, median. Radius, beta, compliance and session "
+            "are shared: more grains do not reduce them",
+            ["source", "sd (%)"],
+            [
+                [name.replace("_", " "), percent(share, 2)]
+                for name, share in curves.get("error_budget", {}).items()
+            ],
+        ),
+        "moduli": Table(
+            "Effective moduli of the grains in GPa: sd of all errors, and of those that grains do "
+            "not share",
+            ["grain", "tests", "modulus", "sd", "own sd"],
+            cells(
+                curves.get("grains", []),
+                *("grain", "tests"),
+                effective_modulus_gpa=1,
+                sd_gpa=1,
+                own_sd_gpa=1,
+            ),
+        ),
+        "tests": Table(
+            "Tests: elastic window and drift; why a test was left out",
+            ["test", "left out since", "modulus (GPa)", "from (mN)", "to (mN)", "drift (nm/s)"],
+            cells(
+                curves.get("tests", []),
+                *("test", "reason"),
+                effective_modulus_gpa=1,
+                elastic_from_mn=1,
+                elastic_to_mn=1,
+                drift_nm_s=3,
+            ),
+        ),
+        "simulations": Table(
+            "Simulated indentation moduli M" + " beside those of theory" * (theory is not None),
+            ["φ₁, Φ, φ₂ (degrees)", "M (GPa)", "elements", "seconds"]
+            + ["theory (GPa)", "difference (%)"] * (theory is not None),
+            [
+                [
+                    orientation(row["euler_deg"]),
+                    *numbers(row, indentation_modulus_gpa=2, elements=0, seconds=2),
+                    *([] if exact is None else theory_cells(row, exact)),
+                ]
+                for row, exact in zip(
+                    results.simulations, repeat(None) if theory is None else theory
+                )
+            ],
+        ),
+        "surrogate": Table(
+            "The surrogate of the indentation modulus",
+            ["", ""],
+            [
+                ["simulations", build["simulations"]],
+                ["of them failed", build["failed"]],
+                ["terms of the basis", build["terms"]],
+                ["mean error of a simulation left out (GPa)", number(build["loocv_gpa"], 3)],
+                [
+                    "mean error of a crystal left out (GPa)",
+                    number(build["leave_crystal_out_gpa"], 3),
+                ],
+                ["domain", build["domain"]["words"]],
+                ["stopped because", build["stopped"]],
+            ]
+            if build
+            else [],
+            prose=True,
+        ),
+    }
+
+
+def theory_cells(row: dict, exact: float) -> list[str]:
+    """The modulus of theory in GPa, and by how much the simulation is above it in per cent."""
+    return [number(exact, 2), percent(row["indentation_modulus_gpa"] / exact - 1, 2)]
 
 
 def angles_of(item: dict) -> list[str]:
     """Bunge's angles as cells."""
     return [number(angle) for angle in item.get("euler_deg", [None] * 3)]
+
+
+def constant_row(name: str, item: dict, reference: dict[str, float]) -> list[str]:
+    """Mean, sds, interval, what it is compared with, if anything, and shares of a constant."""
+    digits = digits_of(name)
+    return [
+        name,
+        *numbers(item, mean=digits, sd=digits),
+        percent(item["sd"] / abs(item["mean"]) if item["mean"] else None, 1),
+        " to ".join(number(value, digits) for value in item["hdi_95"]),
+        *([number(reference.get(name))] * bool(reference)),
+        *share_cells(item),
+    ]
 
 
 def grain_cells(row: int, item: dict) -> list[str]:
@@ -114,28 +350,24 @@ def compared_cells(item: dict) -> list[str]:
     return numbers(item, measured=1, measured_sd=1, mean=1, sd=1)
 
 
-def rounded_residual(item: dict) -> float | None:
-    """The residual, see `residual`, with one decimal; -0.0 becomes 0."""
-    return round(residual(item), 1) + 0.0 if item.get("measured_sd") else None
+def wave_cells(item: dict) -> list[str]:
+    """The direction and the kind of a wave, and its measured and predicted speed."""
+    along = "normal" if "inclination_deg" in item else number(item["propagation_deg"])
+    wave = item.get("wave", "rayleigh").replace("_", " ")
+    return [along, wave, *compared_cells(item)]
 
 
-def constant_row(name: str, item: dict, reference: dict[str, float]) -> list:
-    """Mean, sds, 95 % interval, what it is compared with, if anything, and shares of a constant."""
-    compared = [number(reference.get(name))] if reference else []
-    interval = unbroken(" to ".join(number(value, digits_of(name)) for value in item["hdi_95"]))
-    return [
-        name,
-        *numbers(item, **dict.fromkeys(("mean", "sd"), digits_of(name))),
-        relative_sd(item),
-        interval,
-        *compared,
-        *share_cells(item),
-    ]
-
-
-def relative_sd(item: dict) -> str:
-    """Sd of the mean in per cent."""
-    return number(100 * item["sd"] / abs(item["mean"]) if item["mean"] else None)
+def knowledge_rows(results: Results) -> list[list[str]]:
+    """The sd of each constant, and the expected ones with further knowledge."""
+    rows = results.identifiability("knowledge")
+    now = {name: results.extracted["parameters"][name]["sd"] for name in results.constants if rows}
+    found = {"nothing further": now} | {
+        f"{quantity_label(row, results.symmetry)} to {percent(row['relative_sd'])} %": row[
+            "sd_then"
+        ]
+        for row in rows
+    }
+    return named(found, **dict.fromkeys(results.constants, 1)) if rows else []
 
 
 def direction(item: dict, symmetry: str) -> str:
@@ -145,63 +377,27 @@ def direction(item: dict, symmetry: str) -> str:
     return "[" + " ".join(f"{value:.2f}" for value in item["direction"]) + "]"
 
 
+def is_cubic(constants: Sequence[str]) -> bool:
+    """Whether a crystal class with these constants is cubic."""
+    return "C44" in constants and "C33" not in constants
+
+
 def compliance_rows(results: Results) -> list[list[str]]:
-    """Of cubic crystals the Zener ratio; compliances by the names of the constants."""
+    """Compliances by the names of the constants; of cubic crystals the Zener ratio."""
     stiffness = results.draws(DRAWS)
     compliance = 1000 * np.linalg.inv(stiffness)
-    places = {name: (int(name[1]) - 1, int(name[2]) - 1) for name in results.constants}
     found = {
-        f"{subscript('C' + name[1:]).replace('C', 'S')} (1/TPa)": compliance[:, i, j]
-        for name, (i, j) in places.items()
+        f"{subscript(name).replace('C', 'S')} (1/TPa)": compliance[
+            :, int(name[1]) - 1, int(name[2]) - 1
+        ]
+        for name in results.constants
     }
-    if "C44" in places and "C33" not in places:
+    if is_cubic(results.constants):
         found["Zener ratio"] = 2 * stiffness[:, 3, 3] / (stiffness[:, 0, 0] - stiffness[:, 0, 1])
-    items = {name: {"mean": values.mean(), "sd": values.std()} for name, values in found.items()}
     return [
-        [name, *plus_minus(item).split(" ± "), relative_sd(item)] for name, item in items.items()
+        [name, plus_minus({"mean": values.mean(), "sd": values.std()})]
+        for name, values in found.items()
     ]
-
-
-def simulation_rows(results: Results) -> list[list]:
-    """Simulated indentations and, where it is there, the theory."""
-    rows, theory = [], results.theory_moduli
-    for index, row in enumerate(results.simulations[:MOST_ROWS]):
-        modulus, *cost = numbers(row, indentation_modulus_gpa=2, elements=0, seconds=2)
-        compared = []
-        if theory is not None:
-            ratio = row["indentation_modulus_gpa"] / theory[index]
-            compared = [number(theory[index], 2), number(100 * (ratio - 1), 2)]
-        rows.append([orientation(row["euler_deg"]), modulus, *compared, *cost])
-    return rows
-
-
-def unbroken(text: str) -> Markup:
-    """A text that stays in one line."""
-    return Markup('<span class="whole">{}</span>').format(text)
-
-
-def identifiability_cells(row: dict) -> list[str]:
-    """Mean of a quantity, its sds in posterior and prior, and shares; of a combination, which has
-    no mean, the sds are in per cent.
-    """
-    if row["kind"] == "quantity":
-        digits = quantity_format(row)[1]
-        found = numbers(row, mean=digits, sd=digits, prior_sd=digits)
-    else:
-        found = [percent(row["sd"], 2), percent(row["prior_sd"], 2)]
-    return found + share_cells(row)
-
-
-def prior_rows(results: Results) -> list[list[str]]:
-    """The density, the bounds, what else is known, and the surrogate."""
-    prior = results.extracted["prior"]
-    rows = [["density", prior["density"][0]]]
-    for name, bounds in prior["bounds"].items():
-        rows.append([f"{name} (GPa)", " .. ".join(map(number, bounds))])
-    for item in prior["knowledge"]:
-        value = f"{item['mean']:.4g} ± {item['sd']:.2g}, {item['conflict_sd']:.1f} sd from all else"
-        rows.append([f"known: {quantity_label(item, results.symmetry)}", value])
-    return [*rows, ["surrogate", prior["surrogate"]]]
 
 
 def rival_row(rival: dict) -> list[str]:
@@ -218,20 +414,3 @@ def rival_row(rival: dict) -> list[str]:
         ", ".join(constants),
         rival["remedy"],
     ]
-
-
-def provenance_rows(results: Results) -> list[list]:
-    """Versions, input and stages that made the results."""
-    system = f"{platform.python_version()}, {platform.system()} {platform.machine()}"
-    digest = hashlib.sha256(results.resolved.encode()).hexdigest()
-    rows = [
-        ["bayesindent", __version__],
-        ["Python, system", system],
-        ["NumPy, SciPy, ArviZ", ", ".join(map(metadata.version, ("numpy", "scipy", "arviz")))],
-        ["seed", results.settings["problem"].get("seed", "–")],
-        ["stages", ", ".join(name for name, found in results.documents.items() if found)],
-        ["SHA-256 of the resolved input", digest if results.resolved else "–"],
-    ]
-    if results.outdated:
-        rows.append(["left out, since made from other inputs", ", ".join(results.outdated)])
-    return rows

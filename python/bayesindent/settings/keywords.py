@@ -15,8 +15,6 @@ from ..common.diagnostics import labelled, message
 from ..core import BayesindentWarning, InputError, MachineError
 from .problem import Variable, schema
 
-#: Names in ArviZ and PyMC, and the variables with the same meaning.
-ALIASES = {"draws": "samples", "random_seed": "seed"}
 TYPES = {"logical": bool, "integer": int, "real": float}
 #: Variables and groups of namelists whose keyword has another name.
 KEYWORDS = {
@@ -60,21 +58,14 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
 
         @wraps(function)
         def checked(*arguments: Any, **keywords: Any) -> Any:
-            given = {
-                ALIASES.get(name, name) if ALIASES.get(name) in known else name: value
-                for name, value in keywords.items()
-            }
-            if len(given) < len(keywords):
-                pairs = ", ".join(" is ".join(pair) for pair in ALIASES.items())
-                raise InputError(f"a keyword is stated twice: {pairs}", origin)
-            if unknown := next((name for name in given if name not in known), None):
-                near = difflib.get_close_matches(unknown, [*known, *ALIASES], 1)
+            if unknown := next((name for name in keywords if name not in known), None):
+                near = difflib.get_close_matches(unknown, known, 1)
                 guess = f", did you mean '{near[0]}'?" if near else ""
                 raise InputError(
                     f"keyword '{unknown}' is unknown{guess}; help({origin}) lists all", origin
                 )
             try:
-                return function(*arguments, **given)
+                return function(*arguments, **keywords)
             except (InputError, MachineError) as error:
                 name = error.variable or error.group
                 error.keyword = KEYWORDS.get(name, name)
@@ -84,12 +75,7 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
         signature = own.replace(parameters=[*stated.values(), *more])
         checked.__signature__ = signature  # type: ignore[attr-defined]
         before, end, after = inspect.cleandoc(function.__doc__ or "").partition("\n\nReturns\n")
-        aliases = [
-            f"{new} : int\n    Another name of `{old}`."
-            for new, old in ALIASES.items()
-            if old in known
-        ]
-        checked.__doc__ = "\n".join([before, *map(explained, listed), *aliases]) + end + after
+        checked.__doc__ = "\n".join([before, *map(explained, listed)]) + end + after
         return checked
 
     return decorate

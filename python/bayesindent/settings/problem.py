@@ -75,9 +75,8 @@ class Points:
 
     For crystals `constants` is a list of n dicts (GPa), and `stiffness` (n, 6, 6) in GPa (crystal
     frame). `euler_deg` is (n, 3); `modulus_gpa` and `sd_gpa` are (n,), with NaN in empty cells, or
-    None without such a column. `columns` and `rows` are the cells as written; measurements have
-    more rows than points if several tests of one grain are combined. `modulus_kind` is the kind of
-    the measured modulus, and `names` are those of the grains, or None.
+    None without such a column. `modulus_kind` is the kind of the measured modulus, and `names` are
+    those of the grains, or None.
     """
 
     def __init__(self, problem: "Problem", table: str, facts: dict):
@@ -107,11 +106,6 @@ class Points:
     euler_deg = property(lambda self: self._numbers["euler_deg"])
     modulus_gpa = property(lambda self: self._given("modulus_gpa"))
     sd_gpa = property(lambda self: self._given("sd_gpa"))
-    _cells = cached_property(lambda self: self._columns("cells"))
-    columns = property(lambda self: self._cells["cells"][: self._cells["cells.columns"]])
-    rows = property(
-        lambda self: list(batched(self._cells["cells"], self._cells["cells.columns"]))[1:]
-    )
 
     def write(self, path: str | os.PathLike, columns: Mapping[str, np.ndarray]) -> None:
         """Write the table of the crystals with further columns of n numbers, which replace columns
@@ -191,7 +185,7 @@ class Problem(NativeObject):
         """
         self = cls.__new__(cls)
         self._made_of = made_of
-        self._fill(call("settings.problem", path=origin, content=text), Path(origin), tables)
+        self._fill(call("file.problem", path=origin, content=text), Path(origin), tables)
         return self
 
     def _fill(self, made: dict, path: Path, tables: Mapping[str, Mapping] | None = None) -> None:
@@ -258,9 +252,6 @@ class Problem(NativeObject):
             f"{self.settings.problem.symmetry or 'crystals of every class'}; {asked}>"
         )
 
-    def _repr_html_(self) -> str:
-        return html_details(self, self.resolved)
-
     def __reduce__(self) -> tuple:
         return self._made_of or super().__reduce__()
 
@@ -268,14 +259,6 @@ class Problem(NativeObject):
 def columns_as_csv(table: Mapping[str, Iterable]) -> str:
     """The text of columns of equal length."""
     return as_csv(list(table), zip(*table.values(), strict=True))
-
-
-def html_details(thing: object, text: str) -> str:
-    """The HTML of an object for notebooks: its name, which unfolds to the text."""
-    from html import escape
-
-    name = escape(repr(thing)[1:-1])
-    return f"<details><summary>{name}</summary><pre>{escape(text)}</pre></details>"
 
 
 def spelled(value: Any) -> str:

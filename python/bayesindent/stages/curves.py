@@ -4,14 +4,13 @@ infers.
 
 import csv
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..common.result_files import as_csv
 from ..core import InputError
 from ..settings.keywords import takes, warn_of
 from ..settings.problem import Problem
@@ -122,14 +121,11 @@ def file_of(table: Any, path: Path) -> Path:
     """The file of a table; a table that is not a file is written to `path`."""
     if isinstance(table, str | os.PathLike):
         return Path(table).absolute()
-    rows = zip(*(table[name] for name in table), strict=True)
-    path.write_text(as_csv(list(map(str, table)), map(without_missing, rows)))
+    # Importing it takes time.
+    from pandas import DataFrame
+
+    DataFrame(table).to_csv(path, index=False)
     return path
-
-
-def without_missing(row: Sequence) -> list:
-    """The cells of a row, '' in place of None and NaN, which differs from itself."""
-    return ["" if cell is None or cell != cell else cell for cell in row]
 
 
 def read_columns(path: Path) -> dict[str, list]:

@@ -84,26 +84,18 @@ def surrogate_digest(name: str, folder: Path, namelist_folder: Path) -> dict[str
         return {}
 
 
-def changed_inputs(folder: Path) -> list[dict]:
-    """A diagnostic for each group of the namelist last used in a folder that was edited since, or
-    whose tables were.
+def changed_inputs(folder: Path, manifest: dict, problem: Problem | None) -> list[dict]:
+    """A diagnostic for each group of the namelist last used in a folder, which states the
+    `problem`, that was edited since, or whose tables were.
     """
-    manifest = read_document(folder, MANIFEST)
-    try:
-        problem = Problem(manifest["namelist"])
-        now = json.loads(problem._call("inputs", **places(folder, problem.folder))["text"])
-    except (KeyError, InputError):
+    if problem is None:
         return []
-    # Options of the command may have stated these.
-    used = {
-        name: digest
-        for name, digest in manifest["inputs"].items()
-        if name not in ("problem", "sampler", "surrogate_file")
-    }
+    now = json.loads(problem._call("inputs", **places(folder, problem.folder))["text"])
+    # Options of the command may have stated the others.
     return [
         diagnostic("inputs_edited", f"&{name} of {manifest['namelist']}")
-        for name, digest in used.items()
-        if now.get(name, digest) != digest
+        for name, digest in manifest["inputs"].items()
+        if name not in ("problem", "sampler", "surrogate_file") and now.get(name, digest) != digest
     ]
 
 

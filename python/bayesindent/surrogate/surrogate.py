@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from ..core import InputError, NativeObject, call
 from ..crystal.elasticity import crystal_rows
 from ..settings.keywords import takes
-from ..settings.problem import Points, html_details
+from ..settings.problem import Points
 from ..surrogate.basis import Basis
 
 #: The folder of the surrogates that come with the package, and their names.
@@ -146,11 +146,6 @@ class Surrogate(NativeObject):
         return (
             f"<Surrogate{f' {title!r}' if title else ''} of "
             f"{self.symmetry if len(self.basis.c_min) else 'crystals of every class'}: {known}>"
-        )
-
-    def _repr_html_(self) -> str:
-        return html_details(
-            self, "\n".join(f"{name}: {value}" for name, value in self.provenance.items())
         )
 
     @property

@@ -11,8 +11,7 @@ from ..command import PATIENCE_S, Command, output_folder
 def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = False) -> dict:
     """Write the report on the results in a folder."""
     call("file.check_memory", bytes=2.5e8, what="the report")
-    # Figures have many parts and leave little garbage, so that garbage collection would take a
-    # fifth of the time, also when the process ends.
+    # Figures have many parts, so that garbage collection would take a fifth of the time.
     gc.disable()
     # Importing matplotlib is slow; other commands do without.
     from ...report.report import write_report
@@ -20,7 +19,6 @@ def make(folder: Path, output: Path, kind_of_files: str = "", paper: bool = Fals
     try:
         results, page = write_report(folder, output, kind_of_files, paper)
     finally:
-        gc.freeze()
         gc.enable()
     document = {"file": str(page), "warnings": results.edited}
     return document | {"paper": str(folder / "paper")} if paper else document

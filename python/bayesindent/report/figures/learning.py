@@ -6,7 +6,6 @@ from matplotlib.figure import Figure
 from ..formatting import number, percent
 from ..results import NothingToShow, Results, present
 from .style import (
-    BLACK,
     CYCLE,
     MARKERS,
     SKY,
@@ -33,24 +32,21 @@ def learning_curve(results: Results) -> Picture:
         values = np.array([update[name] for update in updates], dtype=float)
         axes.plot(simulations, values, marker=marker, ms=3.5, lw=1, color=colour, label=label)
     lines = {"theory_gpa": "theory alone", "theory_times_ratio_gpa": "theory times one ratio"}
-    # The lines differ in width, so that both are seen where they coincide.
-    for (name, label), line in zip(
-        lines.items(), ({"color": "0.75", "lw": 3}, {"color": BLACK, "lw": 1, "ls": "--"})
-    ):
+    for (name, label), style in zip(lines.items(), ("-", "--")):
         if baselines.get(name):
-            axes.axhline(baselines[name], label=label, **line)
+            axes.axhline(baselines[name], label=label, color="0.6", ls=style)
     axes.set(xlabel="simulations", ylabel="mean absolute error (GPa)")
     logarithmic(axes)
     axes.xaxis.get_major_locator().set_params(integer=True)
     legend_above(figure, columns=2)
-    caption = (
-        "Mean absolute error of the surrogate against the number of simulations. Of crystals left "
-        "out of the fit, and of the next simulations before the surrogate is trained on them."
-    )
-    if any(map(baselines.get, lines)):
-        caption += " Lines: the half-space theory without a surrogate."
     last = number(updates[-1]["leave_crystal_out_gpa"], 2)
-    return Picture(figure, caption, values=f"The error of a crystal left out ends at {last} GPa.")
+    return Picture(
+        figure,
+        "Mean absolute error of the surrogate against the number of simulations. Of crystals left "
+        "out of the fit, and of the next simulations before the surrogate is trained on them. "
+        "Grey: the half-space theory without a surrogate.",
+        values=f"The error of a crystal left out ends at {last} GPa.",
+    )
 
 
 def parity(results: Results) -> Picture:
@@ -91,7 +87,7 @@ def against_simulated(
     """Predicted against simulated moduli, with one sd, and the errors in units of the sd."""
     labels = ("simulated modulus (GPa)", "predicted modulus (GPa)", "(predicted - simulated) / sd")
     small: dict = {"ms": 1.5, "lw": 0.4, "ecolor": SKY} if len(simulated) > MANY else {}
-    return parity_panels(simulated, predicted, z, labels, yerr=sd, **small)[0]
+    return parity_panels(simulated, predicted, z, labels, yerr=sd, **small)
 
 
 def truncations(results: Results) -> Picture:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...core import InputError
-from ...settings.problem import Problem
 from ..results import NothingToShow, Results, residual
 from .style import BLACK, Picture, panels
 
@@ -21,12 +18,9 @@ PIXELS = 700
 
 def orientation_map(results: Results) -> Picture:
     """The map of the measurements, with the residual of each indent."""
-    if not results.settings["measurements"].get("ebsd"):
+    problem = results.problem
+    if problem is None or problem.map is None:
         raise NothingToShow
-    try:
-        problem = Problem(Path(results.manifest["namelist"]), "extract")
-    except (InputError, KeyError):
-        raise NothingToShow from None
     residuals = [residual(item) for item in results.predicted if item.get("measured_sd")]
     return draw_map(
         problem.map,
@@ -38,7 +32,8 @@ def orientation_map(results: Results) -> Picture:
 def draw_map(
     found: IndentedMap, names: list[str] | None, residuals: list[float] | None = None
 ) -> Picture:
-    """Draw the map in colours of the inverse pole figure along the indenter, with indents.
+    """Draw the map in colours of the inverse pole figure along the indenter, with their key and
+    indents.
 
     Indents have names, or their rows if several are in one grain, and the colours of residuals.
     """
@@ -54,12 +49,16 @@ def draw_map(
     image[away > 1.5 * grid.step] = 1.0
     image[:, 1:][grain[:, 1:] != grain[:, :-1]] = 0.0
     image[1:][grain[1:] != grain[:-1]] = 0.0
-    figure, axes = panels(min(8.0, 6.5 * len(y) / len(x) + 0.8))
+    figure, axes = panels(min(8.0, 5 * len(y) / len(x) + 0.8))
     axes.imshow(
         image,
         extent=(x[0] - spacing / 2, x[-1] + spacing / 2, y[-1] + spacing / 2, y[0] - spacing / 2),
         interpolation="nearest",
     )
+    for number, group in enumerate(grid.groups.values()):
+        place = (1.08, 0.65 - 0.45 * number, 0.25, 0.3)
+        key = axes.inset_axes(place, projection="ipf", symmetry=group)
+        key.plot_ipf_color_key(show_title=len(grid.groups) > 1)
     values = np.zeros(len(found.positions)) if residuals is None else np.array(residuals)
     marks = axes.scatter(
         *found.positions.T,
@@ -72,7 +71,7 @@ def draw_map(
         linewidths=1,
     )
     if residuals is not None:
-        figure.colorbar(marks, ax=axes, label="residual / sd (1)", shrink=0.8)
+        figure.colorbar(marks, ax=axes, label="residual / sd (1)", location="bottom", shrink=0.6)
     if not names or len(names) != len(values):  # several indents in one grain are one measurement
         names = [str(row) for row in range(1, len(values) + 1)]
     for name, place in zip(names, found.positions):
@@ -82,7 +81,7 @@ def draw_map(
     axes.grid(False)
     caption = (
         f"Orientation map with {len(values)} indents: the crystal direction along the indenter "
-        "in the colours of the inverse pole figure."
+        "in the colours of the inverse pole figure, with their key."
     )
     if residuals is not None:
         caption += " Discs have the colour of the residual, (measured - predicted) / sd."

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
-from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from string import ascii_lowercase
@@ -10,7 +9,6 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -59,15 +57,9 @@ class Picture:
         return f"{self.caption.partition('. ')[0].rstrip('.')}. {self.values}".strip()
 
 
-#: The subfigure in which figures are drawn, or None for new figures.
-PLACE: ContextVar[Any] = ContextVar("PLACE", default=None)
-
-
 def new_figure(height: float) -> Figure:
-    """An empty figure of this height in inches, or `PLACE` if it is set."""
-    return PLACE.get() or Figure(
-        figsize=(mpl.rcParams["figure.figsize"][0], height), layout="constrained"
-    )
+    """An empty figure of this height in inches."""
+    return Figure(figsize=(mpl.rcParams["figure.figsize"][0], height), layout="constrained")
 
 
 def is_column() -> bool:
@@ -106,13 +98,10 @@ def letter_panels(figure: Figure) -> None:
         axes.set_title(f"({letter}) {axes.get_title(loc='left')}", loc="left")
 
 
-def legend_above(
-    figure: Figure, *entries: Any, columns: int = 4, corner: str = "upper left"
-) -> None:
+def legend_above(figure: Figure, *entries: Any, columns: int = 4) -> None:
     """A legend outside the axes; `entries` are those of matplotlib's `legend`."""
-    figure.legend(
-        *entries, loc=f"outside {corner}", ncols=min(columns, 2 if is_column() else columns)
-    )
+    columns = min(columns, 2 if is_column() else columns)
+    figure.legend(*entries, loc="outside upper left", ncols=columns)
 
 
 def grid_of_constants(
@@ -153,20 +142,6 @@ def text_size(figure: Figure) -> float:
     return min(seen, default=STYLE["font.size"])
 
 
-def lay_out(figure: Figure, dots: float) -> None:
-    """Place the axes of a figure at this resolution, then remove its layout engine.
-
-    With a layout engine `savefig` would draw the figure twice.
-    """
-    FigureCanvasAgg(figure)
-    figure.set_dpi(dots)
-    for axes in figure.axes:
-        # Spines do not change the layout, and take as long as labels.
-        axes.spines[:].set_in_layout(False)
-    figure.get_layout_engine().execute(figure)
-    figure.set_layout_engine(None)
-
-
 def stamp_synthetic(figure: Figure) -> None:
     """Mark a figure of synthetic data."""
     height = 0.2 / figure.get_figheight()
@@ -181,11 +156,11 @@ def parity_panels(
     labels: Sequence[str],
     bands: bool = True,
     **style: Any,
-) -> tuple[Figure, Any]:
+) -> Figure:
     """A figure of y against x with the line of equality, and beside it of a difference.
 
-    `labels`: those of x, y and the difference. `bands`: see `sd_axes`. `style`: of the points.
-    Returns figure and right axes.
+    `labels`: those of x, y and the difference. `bands`: whether it is in sds, with bands of one and
+    two. `style`: of the points.
     """
     figure, (left, right) = panels(3.4, 1, 2)
     ends = [min(x.min(), y.min()), max(x.max(), y.max())]
@@ -195,15 +170,10 @@ def parity_panels(
     right.plot(x, difference, "o", ms=points.lines[0].get_markersize(), zorder=3)
     for axes, label in zip((left, right), labels[1:]):
         axes.set(xlabel=labels[0], ylabel=label)
-    sd_axes(right, bands)
-    return figure, right
-
-
-def sd_axes(axes: Any, bands: bool = True) -> None:
-    """Draw bands of one and two sds about zero."""
     for multiple, alpha in ((2, 0.2), (1, 0.3)) if bands else ():
-        axes.axhspan(-multiple, multiple, color=SKY, alpha=alpha, lw=0)
-    axes.axhline(0, color=BLACK, lw=0.8)
+        right.axhspan(-multiple, multiple, color=SKY, alpha=alpha, lw=0)
+    right.axhline(0, color=BLACK, lw=0.8)
+    return figure
 
 
 def logarithmic(axes: Any) -> None:
