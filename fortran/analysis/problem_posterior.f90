@@ -3,7 +3,7 @@ module problem_posterior
    use abstract_sampler, only: sampler_type
    use constants_posterior, only: new_posterior, posterior_type
    use correction_basis, only: correction_grain_model_type
-   use constants_prior, only: knowledge_type, new_prior, prior_type
+   use constants_prior, only: check_knowledge, knowledge_type, new_prior, prior_type
    use errors, only: error_type, exit_bad_input, prefix_error, refuse
    use files, only: printable
    use film_theory, only: film_name, young_of_film
@@ -56,14 +56,18 @@ module problem_posterior
 
 contains
 
-   !> Refuse what Step 2 would refuse whatever the surrogate: unknown quantities, more draws than
-   !> memory holds.
+   !> Refuse what Step 2 would refuse whatever the surrogate: unknown quantities, knowledge that no
+   !> crystal has, more draws than memory holds.
    subroutine check_step_2(problem, error)
       type(problem_type), intent(in) :: problem
       type(error_type), allocatable, intent(out) :: error
       type(knowledge_type) :: knowledge
 
       call read_knowledge(problem, knowledge, error)
+      if (allocated(error)) return
+      call check_knowledge(problem%class, knowledge, error)
+      call problem%locate('knowledge', trim(merge('quantity      ', 'stiffness_file', &
+         & allocated(problem%settings%knowledge%quantity))), error)
       if (allocated(error)) return
       associate (s => problem%settings%sampler)
          call check_memory(copies*bytes*(problem%class%n_constants + 2)*s%samples*s%chains, &

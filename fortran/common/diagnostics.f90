@@ -66,8 +66,7 @@ contains
       type(diagnostic_type) :: more(1)
       integer :: i, n
 
-      more = diagnostic(code, subject)
-      if (present(numbers)) more(1)%numbers = numbers
+      more = diagnostic(code, subject, numbers)
       n = size(self%warnings)
       if (.not. is_usable(more)) n = count([(.not. is_usable(self%warnings(i:i)), i=1, n)])
       self%warnings = [self%warnings(:n), more, self%warnings(n + 1:)]

@@ -11,7 +11,7 @@ module linear_algebra
 
    !> Procedures of LAPACK and BLAS. The callers in this module check the sizes.
    ! allow(C091)
-   external :: dpotrf, dpotrs, dpotri, dsyevd, dsyrk, dtrmm, dgeqrf, dorgqr
+   external :: dpotrf, dpotrs, dpotri, dsyevd, dsyrk, dtrmm
 
    interface
       pure subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
@@ -146,22 +146,21 @@ contains
          & max(1, size(factor, 1)), b, max(1, size(b, 1)))
    end subroutine multiply_by_factor
 
-   !> Replace the columns of `a` by orthonormal ones. Each lies in the span of the original column
-   !> and those before it, where these are independent.
+   !> Replace the columns of `a` by orthonormal ones (Gram and Schmidt, twice). Each lies in the
+   !> span of the original column and those before it; one that depends on these becomes zero.
    subroutine orthonormalize(a)
       !> (m, n), m >= n.
       real(wp), intent(inout), contiguous :: a(:, :)
-      integer, parameter :: block = 32
-      real(wp) :: tau(size(a, 2)), work(block*max(1, size(a, 2)))
-      integer :: j, info
-      logical :: reversed(size(a, 2))
+      real(wp) :: length
+      integer :: j, pass
 
-      call dgeqrf(size(a, 1), size(a, 2), a, max(1, size(a, 1)), tau, work, size(work), info)
-      reversed = [(a(j, j) < 0.0_wp, j=1, size(a, 2))]
-      call dorgqr(size(a, 1), size(a, 2), size(a, 2), a, max(1, size(a, 1)), tau, work, &
-         & size(work), info)
       do j = 1, size(a, 2)
-         if (reversed(j)) a(:, j) = -a(:, j)
+         length = norm2(a(:, j))
+         do pass = 1, 2
+            a(:, j) = a(:, j) - matmul(a(:, :j - 1), matmul(a(:, j), a(:, :j - 1)))
+         end do
+         if (norm2(a(:, j)) <= 1.0e-12_wp*length) a(:, j) = 0.0_wp
+         a(:, j) = a(:, j)/max(tiny(length), norm2(a(:, j)))
       end do
    end subroutine orthonormalize
 

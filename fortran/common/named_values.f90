@@ -341,12 +341,12 @@ contains
       class(header_type), intent(in) :: self
       class(named_values_reader_type), intent(in) :: values
       character(len=*), intent(in) :: name
-      integer :: i
 
       is_named = self%name_bytes == len(name)
       if (.not. is_named) return
-      is_named = all([(values%bytes(self%position + header_bytes + i) == name(i:i), &
-         & i=1, len(name))])
+      associate (start => self%position + header_bytes)
+         is_named = transfer(values%bytes(start + 1:start + len(name)), name) == name
+      end associate
    end function is_named
 
    !> The bytes of a named value; not associated if the name is missing or its kind is not in

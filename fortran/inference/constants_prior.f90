@@ -13,15 +13,15 @@ module constants_prior
    use kinds, only: pi, wp
    use linear_algebra, only: cholesky_factor
    use logarithmic_coordinates, only: log_coordinates_type, new_log_coordinates
-   use quantities, only: evaluate_quantities, quantity_type
+   use quantities, only: evaluate_quantities, quantity_type, typical_crystal
    use random, only: new_random_stream, random_stream_type
-   use small_matrices, only: factor_definite, solve_lower
+   use small_matrices, only: factor_definite, fit_columns, solve_lower
    use surrogate_domain, only: domain_type
    use settings_schema, only: prior_settings_type
    use text, only: to_text
    implicit none
    private
-   public :: prior_type, new_prior, knowledge_type
+   public :: prior_type, new_prior, knowledge_type, check_knowledge
 
    !> The default prior: mean and sd of the contrast; degrees of freedom of the k anisotropic
    !> coordinates, and their scale times the root of k; sd of the scale. Metals and minerals from
@@ -72,8 +72,8 @@ module constants_prior
       !> The surrogate's domain of validity.
       type(domain_type), allocatable :: domain
    contains
-      procedure :: admits, log_density, log_mass, measure, draw_start, is_drawn, has_bound, &
-         & is_cut, without_limits, set_knowledge
+      procedure :: admits, deviations, log_density, log_mass, measure, draw_start, is_drawn, &
+         & has_bound, is_cut, without_limits, set_knowledge
    end type prior_type
 
    !> Number of crystals that are drawn to estimate the share of the prior for which the surrogate
@@ -142,6 +142,79 @@ contains
          call refuse(error, 'knowledge needs sds > 0, or a positive definite covariance')
       end if
    end subroutine set_knowledge
+
+   !> Refuse knowledge that no crystal has: the nearest one deviates from it by more than 10 sds or,
+   !> if it is at the edge of stability, by more than three.
+   !>
+   !> The least sum of squared deviations is found by damped Gauss-Newton steps in the coordinates
+   !> of log K. A bulk modulus that is not that of a solid deviates, too: it follows from a wrong
+   !> unit.
+   subroutine check_knowledge(class, knowledge, error)
+      type(crystal_class_type), intent(in) :: class
+      type(knowledge_type), intent(in) :: knowledge
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), parameter :: most_sds = 10.0_wp, most_at_edge = 3.0_wp, edge = 7.0_wp
+      !> log 3K, K in GPa, of a usual solid, and how far those softer than rubber and stiffer than
+      !> diamond are from it; the sd of the rest; and the step of differences.
+      real(wp), parameter :: usual = log(300.0_wp), range = 5.0_wp, usual_sd = 0.1_wp, &
+         & small = 1.0e-5_wp
+      integer, parameter :: most_steps = 200
+      type(prior_type) :: prior
+      character(len=:), allocatable :: clash
+      real(wp), dimension(size(knowledge%mean) + 1) :: r, moved
+      real(wp), dimension(class%n_constants) :: w, step
+      real(wp) :: slopes(size(r), size(w)), l(size(w), size(w)), values(size(knowledge%mean)), &
+         & damping
+      integer :: i, j
+
+      call prior%set_knowledge(knowledge, error)
+      if (allocated(error) .or. size(values) == 0) return
+      prior%logarithms = new_log_coordinates(class)
+      w = prior%logarithms%to_logarithms(typical_crystal(class, 0))
+      r = residuals(w)
+      damping = 1.0_wp
+      do i = 1, most_steps
+         if (norm2(r) < most_at_edge) return
+         do j = 1, size(w)
+            step = w
+            step(j) = w(j) + small
+            slopes(:, j) = (residuals(step) - r)/(small*damping)
+         end do
+         call fit_columns(-r, slopes, spread(1.0_wp, 1, size(r)), step, l)
+         step = w + step/damping
+         damping = 4.0_wp*damping
+         if (.not. norm2(step(3:)) < most_anisotropic) cycle
+         moved = residuals(step)
+         if (.not. norm2(moved) < norm2(r)) cycle
+         w = step
+         r = moved
+         damping = damping/16.0_wp
+      end do
+      if (norm2(r) < merge(most_at_edge, most_sds, norm2(w(3:)) > edge)) return
+      call evaluate_quantities(knowledge%quantities, prior%logarithms%from_logarithms(w), values)
+      clash = ''
+      associate (deviations => abs(values - knowledge%mean)/knowledge%sd())
+         do i = 1, size(values)
+            if (deviations(i) < 0.5_wp*maxval(deviations)) cycle
+            clash = clash//', '//knowledge%quantities(i)%name//' = '//to_text(values(i), 4) &
+               & //' instead of '//to_text(knowledge%mean(i))
+         end do
+      end associate
+      call refuse(error, 'no stable solid has this knowledge; the nearest one, by ' &
+         & //to_text(nint(norm2(r)))//' sd, has '//clash(3:)//'. Check values and units')
+
+   contains
+
+      !> Deviations of the crystal at w from the knowledge, in sds, uncorrelated; then that of its
+      !> bulk modulus from a usual one.
+      function residuals(w)
+         real(wp), intent(in) :: w(:)
+         real(wp) :: residuals(size(knowledge%mean) + 1)
+
+         residuals = [prior%deviations(prior%logarithms%from_logarithms(w)), &
+            & max(0.0_wp, abs(w(1) - usual) - range)/usual_sd]
+      end function residuals
+   end subroutine check_knowledge
 
    !> Standard deviations of the quantities, (n).
    pure function sd_of_knowledge(self) result(sd)
@@ -289,7 +362,6 @@ contains
       real(wp), intent(in) :: c(6, 6)
       !> Coordinates of its log K, (n_constants).
       real(wp), intent(in) :: w(:)
-      real(wp) :: values(size(self%knowledge%mean))
       integer :: k
 
       log_density = 0.0_wp
@@ -304,12 +376,21 @@ contains
                & - 0.5_wp*(freedom + k)*log(1.0_wp + k*squares/freedom)
          end associate
       end if
-      if (size(values) == 0) return
-      call evaluate_quantities(self%knowledge%quantities, c, values)
-      values = values - self%knowledge%mean
-      call solve_lower(self%factor, values)
-      log_density = log_density - 0.5_wp*sum(values**2)
+      if (size(self%knowledge%mean) == 0) return
+      log_density = log_density - 0.5_wp*sum(self%deviations(c)**2)
    end function log_density
+
+   !> Deviations of a crystal from the knowledge, in sds, uncorrelated, (n).
+   pure function deviations(self, c)
+      class(prior_type), intent(in) :: self
+      !> Stiffness in crystal axes, GPa.
+      real(wp), intent(in) :: c(6, 6)
+      real(wp) :: deviations(size(self%knowledge%mean))
+
+      call evaluate_quantities(self%knowledge%quantities, c, deviations)
+      deviations = deviations - self%knowledge%mean
+      call solve_lower(self%factor, deviations)
+   end function deviations
 
    !> A crystal to start a chain at, in the support or not: uniform between the bounds if all are
    !> stated, else a draw of the default prior.

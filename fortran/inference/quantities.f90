@@ -9,7 +9,7 @@ module quantities
    implicit none
    private
    public :: quantity_type, new_quantity, new_quantities, check_quantity, check_distinct, &
-      & check_value, reported_quantities
+      & check_value, reported_quantities, typical_crystal
    public :: evaluate_draws, evaluate_quantities, quantity_choices
 
    !> Names without and names with a direction.

@@ -256,8 +256,8 @@ contains
             needs_value = .true.
             parser%position = parser%position + 1
             cycle
-         case ('=')
-            call refuse(parser, '= where a value must be', parser%line)
+         case ('=', '(')
+            call refuse(parser, mark//' where a value must be', parser%line)
          case ('''', '"')
             repeats = 1
             call read_quoted(parser, value)

@@ -1,12 +1,13 @@
-"""Inputs with a few bytes changed: each is read, or refused in one line that names the file;
-nothing else happens, and nothing is slow.
+"""Inputs with a few bytes or their structure changed: each is read, or refused in one line that
+names the file; nothing else happens, and nothing is slow.
 
 Namelists and tables of inputs/, tables as laboratories have them, spreadsheets, curves and their
 tests, files of an instrument, orientation maps and their points, surface waves, shared errors,
 stated stiffnesses, and the surrogate that comes with the package lose, repeat or swap bytes and
-lines, or get numbers, signs and bytes that nobody means. All in this process, but for some checks
-by both programs, whose verdicts must be the same where both read the file. Files of results are
-changed as a stranger may do it, and have right checksums.
+lines, or get numbers, signs and bytes that nobody means. In every other one columns, rows, groups,
+cells or datasets are gone, twice, elsewhere or of another kind instead. All in this process, but
+for some checks by both programs, whose verdicts must be the same where both read the file. Files of
+results are changed as a stranger may do it, and have right checksums.
 """
 
 import argparse
@@ -16,6 +17,7 @@ import io
 import random
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -36,6 +38,7 @@ from bayesindent.surrogate.surrogate import Surrogate
 from support.changed_results import change
 from support.few_figures import few_figures
 from support.programs import BATCH, SANITIZED
+from support.structural_changes import restructured
 from support.tree import SOURCE
 
 
@@ -201,6 +204,7 @@ SEEDS = {
     ),
     "stiffness": (".csv", contents("inputs/data/titanium_dft.csv"), 2),
     "orientations": (".csv", [text("grain,phi1_deg,Phi_deg,phi2_deg", "a,1,2,3", "b,40,50,60")], 2),
+    "joined": (".txt", [text("Grain\tphi1\tPhi\tphi2", "a\t1\t2\t3", "b\t40\t50\t60")], 6),
     "surrogate": (".txt", contents("python/bayesindent/data/block.txt"), 3),
 }
 #: What stands beside the changed file.
@@ -211,6 +215,7 @@ BESIDE = {
     "grains.csv": text(
         "grain,phi1_deg,Phi_deg,phi2_deg,Er,sd", "a,1,2,3,150,3", "b,4,50,6,160,3", "c,7,8,9,170,3"
     ),
+    "moduli.csv": text("grain,test,Er,sd", "a,1,150,3", "a,2,152,3", "B,1,160,3"),
     "indents.csv": text("x_um,y_um,Er,sd", "2,1,200,4", "9,2,210,4"),
 }
 STEP_0 = (
@@ -257,6 +262,10 @@ NAMELISTS = {
         "extract",
         f"{CUBIC} &measurements file = 'grains.csv', orientations = 'unknown', "
         "texture = '{file}' /",
+    ),
+    "joined": (
+        "extract",
+        f"{CUBIC} &measurements file = 'moduli.csv', orientations_file = '{{file}}' /",
     ),
     "surrogate": (
         "extract",
@@ -313,7 +322,7 @@ PIECES = [
         b"3,5",
     ),
 ]
-#: Seconds that reading one file may take, and a command on results.
+#: CPU seconds that reading one file may take, and a command on results.
 SLOW, HANGS_S = 5.0, 600.0 if SANITIZED else 60.0
 
 
@@ -356,9 +365,16 @@ def mutated(content: bytes, rng: random.Random) -> bytes:
     return content
 
 
+def changed(kind: str, rng: random.Random) -> bytes:
+    """A file of a kind with changed bytes or, as often, another structure."""
+    ending, files, _ = SEEDS[kind]
+    content = rng.choice(files)
+    return restructured(content, ending, rng) if rng.random() < 0.5 else mutated(content, rng)
+
+
 def read(path: Path, kind: str, command: str) -> str:
     """'read' or 'refused'; what else happens is raised or reported."""
-    start = time.perf_counter()
+    start = time.process_time()
     try:
         if kind == "namelist":
             Problem(path, command)
@@ -378,7 +394,7 @@ def read(path: Path, kind: str, command: str) -> str:
             if named and "\n" not in words
             else f"refused in words that are none: {words!r}"
         )
-    return outcome if time.perf_counter() - start < SLOW else f"{outcome}, slowly"
+    return outcome if time.process_time() - start < SLOW else f"{outcome}, slowly"
 
 
 def prepare(folder: Path) -> None:
@@ -421,7 +437,7 @@ def try_in_process(tries: int, seed: int, folder: Path) -> tuple[Counter, list[s
     weights = [weight for _, _, weight in SEEDS.values()]
     for number in range(tries):
         kind = rng.choices(list(SEEDS), weights)[0]
-        path = write(kind, mutated(rng.choice(SEEDS[kind][1]), rng), folder)
+        path = write(kind, changed(kind, rng), folder)
         try:
             outcome = read(path, kind, rng.choice(commands))
         except Exception as error:  # whatever it is, it is a finding
@@ -441,7 +457,7 @@ def try_programs(tries: int, seed: int, folder: Path) -> list[str]:
     prepare(folder)
     for number in range(tries):
         kind = rng.choice(["namelist"] * len(SEEDS) + list(SEEDS))
-        path = write(kind, mutated(rng.choice(SEEDS[kind][1]), rng), folder).with_suffix(".nml")
+        path = write(kind, changed(kind, rng), folder).with_suffix(".nml")
         programs = [
             [sys.executable, "-m", "bayesindent", "run", "--check"],
             *([[str(BATCH), "--check"]] if kind in OF_BOTH else []),
@@ -532,6 +548,7 @@ def try_results(tries: int, seed: int, folder: Path) -> tuple[Counter, list[str]
     """Like `try_in_process` of files of results that are changed and have right checksums."""
     rng, counted, failures = random.Random(seed), Counter(), []
     prepare(folder)
+    faulthandler.register(signal.SIGPROF, chain=True)
     with few_figures():
         files = make_results(folder)
         shutil.copytree(folder / "out", folder / "whole")
@@ -544,9 +561,9 @@ def try_results(tries: int, seed: int, folder: Path) -> tuple[Counter, list[str]
             change(folder / "out" / file, files[file], rng)
             changed = (folder / "out" / file).read_bytes()
             # A process that hangs or ends leaves the file.
-            faulthandler.dump_traceback_later(HANGS_S, exit=True)
+            signal.setitimer(signal.ITIMER_PROF, HANGS_S)
             outcome = read_changed(folder, file, command)
-            faulthandler.cancel_dump_traceback_later()
+            signal.setitimer(signal.ITIMER_PROF, 0)
             counted[file, outcome if outcome in ("read", "refused") else "wrong"] += 1
             if outcome not in ("read", "refused"):
                 (folder / f"result_{number}{Path(file).suffix}").write_bytes(changed)
@@ -557,7 +574,7 @@ def try_results(tries: int, seed: int, folder: Path) -> tuple[Counter, list[str]
 def outcome_of(words: list, folder: Path) -> tuple[int | str, list[str]]:
     """The status of a program, and the lines of its refusal but for warnings and notes."""
     try:
-        done = subprocess.run(words, cwd=folder, capture_output=True, timeout=30, check=False)
+        done = subprocess.run(words, cwd=folder, capture_output=True, timeout=HANGS_S, check=False)
     except subprocess.TimeoutExpired:
         return "hangs", []
     lines = done.stderr.decode(errors="replace").splitlines() if done.returncode else []

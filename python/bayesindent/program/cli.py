@@ -253,12 +253,10 @@ def describe_group(name: str, full: bool) -> str:
     return "\n".join(lines) + "\n"
 
 
-def finish(arguments: argparse.Namespace, document: dict | int) -> int:
+def finish(arguments: argparse.Namespace, document: dict) -> int:
     """Print why the result cannot be used, the warnings on standard error, and the document on
-    standard output, as JSON or as tables. Return the exit status, which `document` may be.
+    standard output, as JSON or as tables. Return the exit status.
     """
-    if isinstance(document, int):
-        return document
     from ..common.diagnostics import distinct, is_unusable, labelled, message
     from ..common.result_files import plain
 

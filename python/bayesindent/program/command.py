@@ -30,8 +30,8 @@ def perform_stage(arguments: argparse.Namespace) -> dict:
 
 @dataclass(frozen=True)
 class Command:
-    """One command: `action(arguments)` returns its JSON document, or an exit status if there is no
-    `show`, which prints the document.
+    """One command: `action(arguments)` returns its JSON document, and `show` prints it. A tool of a
+    source tree has no `show`, and its action does not return.
 
     By default a command performs the core's stage of its name, or `stage`(problem, output) ->
     document; its help explains `groups`. `arguments` adds options to the parser.
@@ -42,7 +42,7 @@ class Command:
     name: str
     groups: tuple[str, ...] = ()
     stage: Callable[..., dict] | None = None
-    action: Callable[[argparse.Namespace], dict | int] = perform_stage
+    action: Callable[[argparse.Namespace], dict] = perform_stage
     arguments: Callable[[argparse.ArgumentParser], object] | None = None
     show: Callable[[dict], object] | None = None
     resumes: bool = False

@@ -25,9 +25,7 @@ def function_of(name: str) -> Callable[..., dict]:
             parsed = parser(arguments).parse_args(arguments)
         except SystemExit:
             raise InputError(f"bi.{name}: see bayesindent {name} --help") from None
-        document = parsed.command.action(parsed)
-        assert isinstance(document, dict)
-        return document
+        return parsed.command.action(parsed)
 
     command.__name__ = command.__qualname__ = name
     summary = SUMMARIES[name][1].capitalize()
