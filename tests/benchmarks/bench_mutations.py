@@ -213,7 +213,10 @@ BESIDE = {
     "tests.csv": SEEDS["tests"][1][0],
     "map.ctf": MAPS[".ctf"],
     "grains.csv": text(
-        "grain,phi1_deg,Phi_deg,phi2_deg,Er,sd", "a,1,2,3,150,3", "b,4,50,6,160,3", "c,7,8,9,170,3"
+        "grain,phi1_deg,Phi_deg,phi2_deg,effective_modulus_gpa,sd_gpa",
+        "a,1,2,3,150,3",
+        "b,4,50,6,160,3",
+        "c,7,8,9,170,3",
     ),
     "moduli.csv": text("grain,test,Er,sd", "a,1,150,3", "a,2,152,3", "B,1,160,3"),
     "indents.csv": text("x_um,y_um,Er,sd", "2,1,200,4", "9,2,210,4"),

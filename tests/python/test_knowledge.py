@@ -129,23 +129,6 @@ def test_the_conflict_of_two_sources_is_their_distance_in_sds():
     assert all(found["subject"].startswith("C44 = ") for found in told)
 
 
-@pytest.mark.parametrize(
-    ("stated", "code"),
-    [
-        ({"bounds": {"C44": (500.0, 600.0)}}, "limit_excludes"),
-        pytest.param({"knowledge": {"C44": (600.0, 3.0)}}, "other_model", marks=pytest.mark.long),
-    ],
-)
-def test_what_contradicts_the_measurements_ends_in_usual_time(stated, code):
-    """The crystals that fit least badly are so anisotropic that the theory without harmonics would
-    take ten times as long. Harmonics with a larger error than is allowed take its place.
-    """
-    table = str(REFERENCE / "cubic_fe3si.csv")
-    document = bi.summary(bi.extract(table, "cubic", **stated, **SHORT))
-    assert not document["usable"] and of_code(document["warnings"], code)
-    assert document["theory"]["largest_error_sd"] > 0.02
-
-
 @cache
 def least_misfit(bulk):
     """The least -2 log density in log K of the reference moduli, with a bulk modulus that is known

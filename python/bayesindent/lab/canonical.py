@@ -95,14 +95,15 @@ def canonical_table(
     check_units(table, radians)
     clean(table)
     shared = stated("shared_errors")
-    errors = shared_of_file(Path(facts["folder"]) / shared) if shared else {}
+    file = Path(facts["folder"]) / (shared or "")
+    errors = shared_of_file(file) if shared else {}
     add_shared_errors(table, errors)
     if path := stated("orientations_file"):
         with located(origin, "measurements", "orientations_file"), located(path):
             add_orientations_of_file(table, Path(facts["folder"]) / path, stated("orientations_by"))
     leave_out_incomplete(table)
     if any(name not in table.meanings for name in errors):
-        add_shared_errors(table, errors, must_fit=True)
+        add_shared_errors(table, errors, file)
     indented = None
     if not stated("ebsd"):
         check_orientations(table, facts)
@@ -328,16 +329,18 @@ def shared_of_file(path: Path) -> dict[str, list[str]]:
 
 
 def add_shared_errors(
-    table: LaboratoryTable, errors: Mapping[str, list[str]], must_fit: bool = False
+    table: LaboratoryTable, errors: Mapping[str, list[str]], file: Path | None = None
 ) -> None:
-    """Add shared errors if the file has a row for each row of the table."""
+    """Add shared errors if there is a row for each row of the table; if there is not, refuse their
+    `file`.
+    """
     n = len(next(iter(errors.values()), []))
     if n == len(table.cells):
         for name, cells in errors.items():
             table.add_column(name, cells)
-    elif must_fit:
+    elif file:
         raise InputError(
-            f"shared_errors: {n} rows for {len(table.cells)} of the measurements; "
+            f"shared_errors: {file}: {n} rows for {len(table.cells)} of the measurements; "
             "each row has the errors of one of them"
         )
 

@@ -31,9 +31,9 @@ def places(output: str | os.PathLike, folder: str | os.PathLike) -> dict[str, st
     that come with the package, for the core.
     """
     folders = {"output": output, "folder": folder, "data_folder": DATA}
-    return {name: f"{place}/" if str(place) else "" for name, place in folders.items()} | {
-        "shipped": ", ".join(SHIPPED)
-    }
+    return {
+        name: "" if str(place) in ("", ".") else f"{place}/" for name, place in folders.items()
+    } | {"shipped": ", ".join(SHIPPED)}
 
 
 class Surrogate(NativeObject):
