@@ -97,7 +97,7 @@ def test_help_lists_every_variable_with_its_default(function, groups):
         assert shown == stated, name
 
 
-def test_other_names_and_the_symmetry_by_position(result):
+def test_numbers_of_numpy_and_the_symmetry_by_keyword(result):
     # Numbers of numpy, and arrays of one, are numbers.
     arrays = {name: (np.array(mean), np.float64(sd)) for name, (mean, sd) in KNOWN.items()}
     again = quietly(
@@ -109,6 +109,7 @@ def test_other_names_and_the_symmetry_by_position(result):
         samples=300,
         burn_in=300,
         chains=2,
+        technique="exact",
     )
     assert (draws(again) == draws(result)).all()
     other = quietly(bi.extract, IRON, "cubic", knowledge=KNOWN, seed=4, **FEW)
