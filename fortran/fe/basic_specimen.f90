@@ -14,13 +14,8 @@ module basic_specimen
    private
    public :: specimen_type, halfspace_name, require, mesh_plan_type, mesh_stage_type, check_plan
    public :: core_of_contact, fineness, layers_of_ratio, graded_layers, surface_facets
-   public :: growing, to_ball, to_cylinder
 
    character(len=*), parameter :: halfspace_name = 'halfspace'
-
-   !> Shape of the surface at the end of a stage: `ratio` times as large, a hemisphere, or a
-   !> cylinder.
-   integer, parameter :: growing = 1, to_ball = 2, to_cylinder = 3
 
    !> A stage of layers around the current surface.
    type :: mesh_stage_type
@@ -29,10 +24,9 @@ module basic_specimen
       !> Number of layers, and ratio of the thicknesses of successive layers (> 1).
       integer :: layers = 0
       real(wp) :: growth = 0.0_wp
-      integer :: shape = growing
-      !> Growth of the surface over the whole stage; radius of the ball or cylinder and depth of the
-      !> cylinder, um.
-      real(wp) :: ratio = 1.0_wp, radius = 0.0_wp, depth = 0.0_wp
+      !> Growth of the surface over the whole stage; or, above 0, radius of the hemisphere in which
+      !> the stage ends, um.
+      real(wp) :: ratio = 1.0_wp, radius = 0.0_wp
       integer :: material = 1
    end type mesh_stage_type
 

@@ -2,8 +2,8 @@
 !>
 !> The box is [-w, w] x [-w, w] x [-d, 0]; material is z < 0. A stage of the plan wraps layers of
 !> bricks around the present surface (without its top). The nodes of the surface move on straight
-!> lines to their places at the end of the stage, on a surface of the same shape, a hemisphere or a
-!> cylinder. If the shape stays the same, bricks repeat from layer to layer up to scale, and so do
+!> lines to their places at the end of the stage, on a surface of the same shape or a hemisphere. If
+!> the shape stays the same, bricks repeat from layer to layer up to scale, and so do
 !> their stiffnesses. An interface is the end of a stage. Before a stage the surface may be
 !> coarsened 2:1; a node that then hangs takes the mean of its neighbours. A layer of infinite
 !> elements, swept along rays from the origin, surrounds the whole, or its bottom is clamped.
@@ -11,8 +11,7 @@ module fe_mesh
    use errors, only: error_type
    use kinds, only: wp
    use machine, only: check_memory
-   use basic_specimen, only: check_plan, growing, mesh_plan_type, mesh_stage_type, &
-      & surface_facets, to_ball, to_cylinder
+   use basic_specimen, only: check_plan, mesh_plan_type, mesh_stage_type, surface_facets
    use text, only: to_text
    implicit none
    private
@@ -172,7 +171,7 @@ contains
                self%brick(5:8, brick) = nodes_of(self%node_at, quad(:, :, f))
                self%material(brick) = stage%material
                self%growth(brick) = stage%growth
-               if (layer == 1 .or. stage%shape /= growing) then
+               if (layer == 1 .or. stage%radius > 0.0_wp) then
                   self%classes = self%classes + 1
                   self%representative(self%classes) = brick
                   first_class(f) = self%classes
@@ -191,24 +190,13 @@ contains
       type(mesh_stage_type), intent(in) :: stage
       !> Positions at the beginning of the stage, um (3, points).
       real(wp), intent(in) :: start(:, :)
-      real(wp) :: finish(3, size(start, 2)), half_width, depth, square
+      real(wp) :: finish(3, size(start, 2))
       integer :: p
 
-      half_width = maxval(abs(start(1, :)))
-      depth = -minval(start(3, :))
+      finish = stage%ratio*start
+      if (.not. stage%radius > 0.0_wp) return
       do p = 1, size(start, 2)
-         select case (stage%shape)
-         case (to_ball)
-            finish(:, p) = start(:, p)*(stage%radius/norm2(start(:, p)))
-         case (to_cylinder)
-            ! Squares around the axis become circles.
-            square = maxval(abs(start(:2, p)))
-            finish(:2, p) = start(:2, p)*(stage%radius/half_width)
-            if (square > 0.0_wp) finish(:2, p) = finish(:2, p)*(square/norm2(start(:2, p)))
-            finish(3, p) = start(3, p)*(stage%depth/depth)
-         case default
-            finish(:, p) = stage%ratio*start(:, p)
-         end select
+         finish(:, p) = start(:, p)*(stage%radius/norm2(start(:, p)))
       end do
    end function stage_end
 

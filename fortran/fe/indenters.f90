@@ -2,9 +2,6 @@
 !>
 !> The force is the plane-strain modulus M times `unit_force`, and d(force)/d(depth) = 2 a M with
 !> the contact radius a, for every shape. I. N. Sneddon, Int. J. Engng Sci. 3, 47 (1965).
-!>
-!> The force is M times `unit_force`, M the plane-strain modulus, and d(force)/d(depth) = 2 a M with
-!> a the contact radius, whatever the shape. I. N. Sneddon, Int. J. Engng Sci. 3, 47 (1965).
 module indenters
    use errors, only: error_type, refuse
    use kinds, only: degree, pi, wp

@@ -5,8 +5,7 @@
 !> `new_indentation`.
 module specimens
    use basic_specimen, only: core_of_contact, fineness, graded_layers, halfspace_name, &
-      & layers_of_ratio, mesh_plan_type, mesh_stage_type, require, specimen_type, to_ball, &
-      & to_cylinder
+      & layers_of_ratio, mesh_plan_type, mesh_stage_type, require, specimen_type
    use crystal_elasticity, only: averages_type, isotropic_stiffness, polycrystal_averages
    use errors, only: error_type, locate_error, refuse
    use indenters, only: indenter_type, new_indenter
@@ -41,21 +40,20 @@ module specimens
    real(wp), parameter :: least_width = 4.0_wp, lowest = 0.25_wp, highest = 4.0_wp, &
       & least_ratio = 1.2_wp
 
-   !> A grain among isotropic neighbours: bricks of the grain up to its boundary, a hemisphere or a
-   !> cylinder, surrounded by layers and infinite elements of the matrix.
+   !> A grain among isotropic neighbours: bricks of the grain up to its boundary, a hemisphere,
+   !> surrounded by layers and infinite elements of the matrix.
    !>
    !> A matrix without a stated stiffness is the polycrystal of the grain's own crystal.
    type, extends(specimen_type) :: grain_specimen_type
-      !> Radius and depth, um. Depth 0: a hemisphere, else a cylinder.
-      real(wp) :: radius = 0.0_wp, depth = 0.0_wp
+      !> um.
+      real(wp) :: radius = 0.0_wp
    contains
       procedure :: set_up => grain_set_up, check_sizes => grain_check_sizes, plan => grain_plan, &
          & materials => grain_materials
    end type grain_specimen_type
 
-   !> Least size of the boundary relative to the box under the contact; least and largest depth of a
-   !> cylinder in radii.
-   real(wp), parameter :: clearance = 1.2_wp, flattest = 0.5_wp, deepest = 2.0_wp
+   !> Least size of the boundary relative to the box under the contact.
+   real(wp), parameter :: clearance = 1.2_wp
    !> From this half-width on, relative to the radius, layers of this growth turn into the shape of
    !> the boundary.
    real(wp), parameter :: turning = 0.45_wp, turning_growth = 1.25_wp
@@ -156,14 +154,13 @@ contains
       type(settings_type), intent(in) :: settings
       type(error_type), allocatable, intent(out) :: error
 
-      self%variables = 'grain_radius_um, grain_depth_um, matrix'
+      self%variables = 'grain_radius_um, matrix'
       self%parts = 'the grain, the matrix around it'
       ! With this ratio the few layers that turn into the boundary have similar proportions on both
       ! meshes (docs/verification/simulation.md).
       self%coarse_ratio = 0.75_wp
       associate (stated => settings%specimen)
          call require(grain_name, 'grain_radius_um', stated%grain_radius_um, self%radius, error)
-         if (allocated(stated%grain_depth_um)) self%depth = stated%grain_depth_um
          if (stated%matrix /= 'self') then
             self%variables = self%variables//', matrix_young_gpa, matrix_nu'
             call require(grain_name, 'matrix_young_gpa', stated%matrix_young_gpa, self%young, error)
@@ -177,38 +174,15 @@ contains
       class(grain_specimen_type), intent(in) :: self
       type(error_type), allocatable, intent(out) :: error
       type(mesh_plan_type) :: plan
-      real(wp) :: corner(3)
+      real(wp) :: least
 
       plan = core_of_contact(1.0_wp, self%contact_radius, self%zone)
-      corner = [plan%half_width, plan%half_width, plan%depth]
-      if (self%depth > 0.0_wp) then
-         call refuse_below(clearance*plan%depth, 'grain_depth_um', self%depth)
-         corner(3) = 0.0_wp
+      least = clearance*norm2([plan%half_width, plan%half_width, plan%depth])
+      if (self%radius < least) then
+         call refuse(error, to_text(self%radius)//' um does not hold the refined zone under a ' &
+            & //'contact of radius '//to_text(self%contact_radius, 3)//' um; allowed from ' &
+            & //to_text(least, 3)//' um, or indent less deeply', variable='grain_radius_um')
       end if
-      if (.not. allocated(error)) then
-         call refuse_below(clearance*norm2(corner), 'grain_radius_um', self%radius)
-      end if
-      if (allocated(error) .or. .not. self%depth > 0.0_wp) return
-      if (self%depth < flattest*self%radius .or. self%depth > deepest*self%radius) then
-         call refuse(error, to_text(self%depth) &
-            & //' um does not go with grain_radius_um = '//to_text(self%radius)//'; allowed ' &
-            & //to_text(flattest*self%radius, 3)//' to '//to_text(deepest*self%radius, 3)//' um', &
-            & variable='grain_depth_um')
-      end if
-
-   contains
-
-      subroutine refuse_below(least, name, length)
-         real(wp), intent(in) :: least, length
-         character(len=*), intent(in) :: name
-
-         if (length < least) then
-            call refuse(error, to_text(length)//' um does not hold the refined zone ' &
-               & //'under a contact of radius '//to_text(self%contact_radius, 3) &
-               & //' um; allowed from '//to_text(least, 3)//' um, or indent less deeply', &
-               & variable=name)
-         end if
-      end subroutine refuse_below
    end subroutine grain_check_sizes
 
    pure type(mesh_plan_type) function grain_plan(self, refine) result(plan)
@@ -218,16 +192,11 @@ contains
       real(wp) :: width, outer
 
       plan = core_of_contact(refine, self%contact_radius, self%zone)
-      width = turning*self%radius
-      if (self%depth > 0.0_wp) width = min(width, turning*self%depth*plan%half_width/plan%depth)
-      width = max(width, plan%half_width)
+      width = max(turning*self%radius, plan%half_width)
       plan%stages = graded_layers(plan%half_width, width, self%contact_radius*plan%widening, &
          & refine, 1)
-      turn = layers_of_ratio(max(self%radius, self%depth*plan%half_width/plan%depth)/width, &
-         & turning_growth, refine)
-      turn%shape = merge(to_cylinder, to_ball, self%depth > 0.0_wp)
+      turn = layers_of_ratio(self%radius/width, turning_growth, refine)
       turn%radius = self%radius
-      turn%depth = self%depth
       outer = max(outer_contact*self%contact_radius, outer_grain*self%radius)
       plan%stages = [plan%stages, turn, &
          & graded_layers(self%radius, outer, self%contact_radius, refine, 2)]

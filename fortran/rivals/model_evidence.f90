@@ -141,7 +141,8 @@ contains
          direction = matmul(axes, slopes)
          fit%log_integral = height + 0.5_wp*sum(slopes**2) + 0.5_wp*n*log(2.0_wp*pi) &
             & + log_volume_of(axes)
-         fit%found = all(values > 0.0_wp)
+         ! Beside the edge of the support a step would gain as much as the floor is deep.
+         fit%found = all(values > 0.0_wp) .and. sum(slopes**2) < 1.0e-4_wp*abs(far_below)
          ! The axes are as long as sds once the curvature along each is about one.
          is_settled = sum(slopes**2) < negligible .and. all(abs(log(max(abs(values), 1.0e-4_wp))) &
             & < 0.4_wp .or. norm2(axes, dim=1) > 0.9_wp*longest)

@@ -125,17 +125,38 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(layers_type) :: film
       type(contact_type) :: contacts(specimen%depths)
-      integer :: i
+      !> Contact radii on a half-space at the depths, um.
+      real(wp), dimension(specimen%depths) :: radii, unit_force
+      integer :: quantity, n, i
 
       call check_stiffness(stiffness, error)
       if (allocated(error)) return
       film = specimen%layers
       film%c(:, :, specimen%crystal) = rotate_stiffness(stiffness, rotation_matrix(euler))
-      call film_modulus(film, specimen%indenter, specimen%indenter%contact_radius &
-         & *[(real(i, wp)/size(contacts), i=1, size(contacts))], specimen%estimator, contacts, &
-         & found, error)
+      n = specimen%depths
+      radii = [(specimen%indenter%contact_radius*i/n, i=1, n)]
+      quantity = 1
+      if (specimen%estimator == 'stiffness_hertz') quantity = 2
+      if (specimen%estimator == 'stiffness') quantity = 3
+      call indent_layers(film, specimen%indenter, radii, quantity, accuracy, contacts, error)
       found%depth = contacts%depth
       found%force = contacts%force
+      if (allocated(error)) return
+      found%relative_error = contacts(n)%error(quantity)
+      select case (quantity)
+      case (1)
+         ! The depths of which a simulation takes the modulus.
+         unit_force = specimen%indenter%unit_force(contacts%depth)
+         associate (resolved => radii*fineness >= least_elements*radii(n)*(1.0_wp - 1.0e-9_wp))
+            found%modulus = sum(contacts%force*unit_force, mask=resolved) &
+               & /sum(unit_force**2, mask=resolved)
+            found%relative_error = maxval(contacts%error(1), mask=resolved)
+         end associate
+      case (2)
+         found%modulus = contacts(n)%stiffness/(2.0_wp*radii(n))
+      case default
+         found%modulus = contacts(n)%stiffness/(2.0_wp*contacts(n)%radius)
+      end select
    end subroutine indent_film
 
    !> The film of a problem. An error has the file, the group and the variable.
@@ -224,40 +245,4 @@ contains
       end if
       stiffness = rotate_stiffness(stiffness, rotation_matrix(degree*stated%substrate_euler_deg))
    end subroutine find_substrate
-
-   !> Modulus of a film, GPa.
-   subroutine film_modulus(film, indenter, radii, estimator, contacts, found, error)
-      type(layers_type), intent(in) :: film
-      class(indenter_type), intent(in) :: indenter
-      !> Contact radii on a half-space at the depths, um.
-      real(wp), intent(in) :: radii(:)
-      character(len=*), intent(in) :: estimator
-      type(contact_type), intent(out) :: contacts(:)
-      type(film_type), intent(inout) :: found
-      type(error_type), allocatable, intent(out) :: error
-      real(wp) :: unit_force(size(radii))
-      integer :: quantity, n
-
-      n = size(radii)
-      quantity = 1
-      if (estimator == 'stiffness_hertz') quantity = 2
-      if (estimator == 'stiffness') quantity = 3
-      call indent_layers(film, indenter, radii, quantity, accuracy, contacts, error)
-      if (allocated(error)) return
-      found%relative_error = contacts(n)%error(quantity)
-      select case (quantity)
-      case (1)
-         ! The depths of which a simulation takes the modulus.
-         unit_force = indenter%unit_force(contacts%depth)
-         associate (resolved => radii*fineness >= least_elements*radii(n)*(1.0_wp - 1.0e-9_wp))
-            found%modulus = sum(contacts%force*unit_force, mask=resolved) &
-               & /sum(unit_force**2, mask=resolved)
-            found%relative_error = maxval(contacts%error(1), mask=resolved)
-         end associate
-      case (2)
-         found%modulus = contacts(n)%stiffness/(2.0_wp*radii(n))
-      case default
-         found%modulus = contacts(n)%stiffness/(2.0_wp*contacts(n)%radius)
-      end select
-   end subroutine film_modulus
 end module film_theory

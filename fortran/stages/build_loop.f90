@@ -19,7 +19,7 @@ module build_loop
       & set_candidates, update_posterior_mean
    use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting
    use surrogate_learner, only: add_simulations, batch_end, change_basis, close_batch, learn, &
-      & learning_type, new_learning, predict_moduli, refit_all, revert, surrogate_of, why_to_stop
+      & learning_type, new_learning, predict_moduli, refit_all, revert, surrogate_of
    use surrogate_model, only: surrogate_type
    use text, only: to_text
    implicit none
@@ -152,10 +152,7 @@ contains
       associate (unused => build%unused, learning => build%learning)
          do while (unused%n() > 0 .and. learning%n() < learning%settings%budget)
             complete = batch_end(learning)
-            if (len(why_to_stop(build%learning)) > 0 &
-               & .or. (whole .and. unused%n() < complete - learning%n())) then
-               exit
-            end if
+            if (whole .and. unused%n() < complete - learning%n()) exit
             last = unused%taken + min(unused%n(), complete - learning%n())
             call learn(learning, unused%constants(:, unused%taken + 1:last), unused%euler_deg(:, &
                & unused%taken + 1:last), unused%modulus(unused%taken + 1:last), .false., error)
@@ -238,10 +235,8 @@ contains
 
          associate (learning => self%learning)
             n_left = count(learning%learner%design%available)
-            self%stopped = why_to_stop(learning)
-            if (len(self%stopped) == 0 .and. learning%n() >= learning%settings%budget) then
-               self%stopped = 'the budget is used'
-            end if
+            self%stopped = ''
+            if (learning%n() >= learning%settings%budget) self%stopped = 'the budget is used'
             if (len(self%stopped) == 0 .and. n_left == 0) then
                self%stopped = 'no candidate is left'
                call self%warn('no_candidate_left', numbers=[real(learning%n(), wp)])
@@ -342,8 +337,6 @@ contains
          learning%first = learning%n()
          learning%settings%budget = min(design%budget, learning%n() + round_size)
          learning%settings%batch = round_size
-         learning%settings%target_gpa = 0.0_wp
-         learning%settings%patience = 0
       end associate
    end subroutine begin_round
 

@@ -4,7 +4,6 @@ module build_stage
    use bases, only: new_basis
    use abstract_basis, only: basis_type
    use build_loop, only: build_type
-   use crystal_elasticity, only: logarithmic_mean
    use errors, only: error_type
    use halfspace_theory, only: halfspace_moduli
    use json, only: json_type
@@ -16,7 +15,7 @@ module build_stage
    use surrogate_learner, only: add_simulations, fit_learner, history_type, learner_type, &
       & learning_type, left_out, new_learner, surrogate_of
    use surrogate_model, only: predict_crystals, save_surrogate, surrogate_type
-   use text, only: fixed, join, to_text
+   use text, only: join, to_text
    use build_checks, only: read_scan
    implicit none
    private
@@ -76,7 +75,7 @@ contains
                & [sum(abs(theory - known%modulus))/learning%n(), ratio, &
                & sum(abs(ratio*theory - known%modulus))/learning%n()], 'baselines')
          end associate
-         call put_domain(page, self, surrogate, stiffness, error)
+         call put_domain(page, self, surrogate, error)
          if (allocated(error)) return
          if (allocated(self%focus)) call put_focus()
          call page%begin_array('history')
@@ -164,21 +163,14 @@ contains
          & state%beta, state%decay_rate, state%log_evidence, state%norm, state%angle_deg])
    end subroutine put_state
 
-   !> Write the sd of the predictions at the candidates, which sample the domain. Warn of the parts
-   !> of the domain without simulations.
-   subroutine put_domain(page, build, surrogate, stiffness, error)
+   !> Write the sd of the predictions at the candidates, which sample the domain.
+   subroutine put_domain(page, build, surrogate, error)
       type(json_type), intent(inout) :: page
-      class(build_type), intent(inout) :: build
+      class(build_type), intent(in) :: build
       type(surrogate_type), intent(in) :: surrogate
-      !> Stiffnesses of the simulations, GPa, (6, 6, n).
-      real(wp), intent(in) :: stiffness(:, :, :)
       type(error_type), allocatable, intent(out) :: error
-      !> Part of each range of the domain that the simulations must span, else a warning is given.
-      real(wp), parameter :: covered = 0.9_wp
-      real(wp), dimension(size(stiffness, 3)) :: poisson, anisotropy, scale
       real(wp), dimension(size(build%candidates%euler_deg, 2)) :: relative_sd, modulus, sd
-      character(len=:), allocatable :: worst_crystal, where
-      integer :: i, worst
+      character(len=:), allocatable :: where
 
       where = 'in the domain'
       if (allocated(build%focus)) where = 'at the posterior'
@@ -187,40 +179,13 @@ contains
             & degree*candidates%euler_deg, 1, modulus, sd, error)
          if (allocated(error)) return
          relative_sd = sd/modulus
-         worst = maxloc(relative_sd, 1)
-         call logarithmic_mean(domain%class%stiffness(candidates%constants(:, worst)), poisson(1), &
-            & anisotropy(1), scale(1))
-         worst_crystal = ' and Poisson''s ratio of '//to_text(poisson(1), 3)
-         if (domain%has_scale()) then
-            worst_crystal = ','//worst_crystal(5:)//' and a scale of '//fixed(scale(1), 1)//' GPa'
-         end if
          call page%begin_object('domain')
          call page%put_numbers('mean_relative_sd, largest_relative_sd', &
-            & [sum(relative_sd)/size(relative_sd), relative_sd(worst)])
+            & [sum(relative_sd)/size(relative_sd), maxval(relative_sd)])
          call page%put('words', 'the sd of a modulus '//where//' is ' &
             & //to_text(100.0_wp*sum(relative_sd)/size(relative_sd), 2)//' % on average, ' &
-            & //to_text(100.0_wp*relative_sd(worst), 2)//' % at most, at a log-anisotropy of ' &
-            & //to_text(anisotropy(1), 3)//worst_crystal)
+            & //to_text(100.0_wp*maxval(relative_sd), 2)//' % at most')
          call page%end_object()
-         if (domain%log_anisotropy_max >= huge(1.0_wp) .or. allocated(build%focus)) return
-         do i = 1, size(stiffness, 3)
-            call logarithmic_mean(stiffness(:, :, i), poisson(i), anisotropy(i), scale(i))
-         end do
-         if (maxval(anisotropy) < covered*domain%log_anisotropy_max) then
-            call build%warn('anisotropy_not_simulated', &
-               & numbers=[maxval(anisotropy), domain%log_anisotropy_max])
-         end if
-         if (maxval(poisson) - minval(poisson) &
-            & < covered*(domain%poisson(2) - domain%poisson(1))) then
-            call build%warn('poisson_not_simulated', &
-               & numbers=[minval(poisson), maxval(poisson), domain%poisson])
-         end if
-         if (.not. domain%has_scale()) return
-         if (log(maxval(scale)/minval(scale)) &
-            & < covered*log(domain%stiffness(2)/domain%stiffness(1))) then
-            call build%warn('scale_not_simulated', &
-               & numbers=[minval(scale), maxval(scale), domain%stiffness])
-         end if
       end associate
    end subroutine put_domain
 

@@ -4,7 +4,7 @@ module surrogate_loading
    use analysis, only: analysis_type
    use errors, only: error_type
    use film_theory, only: film_name
-   use film_training, only: plan_film, train_film
+   use film_training, only: train_film
    use problem, only: problem_type
    use stage_documents, only: inputs_of
    use surrogate_model, only: load_named_surrogate, load_surrogate, places_type, save_surrogate
@@ -43,11 +43,9 @@ contains
             & = 'problem specimen indenter simulation measurements prior knowledge'
          character(len=:), allocatable :: path, inputs
          type(error_type), allocatable :: failure
-         type(problem_type) :: planned
 
          if (is_plan) then
-            call plan_film(problem, planned, error)
-            if (.not. allocated(error)) call train_film(planned, self%surrogate, error)
+            call train_film(problem, .true., self%surrogate, error)
             return
          end if
          path = places%output//problem%settings%surrogate%file
@@ -57,7 +55,7 @@ contains
             self%surrogate%basis%domain%is_extended = .true.
             if (self%surrogate%provenance == inputs) return
          end if
-         call train_film(problem, self%surrogate, error)
+         call train_film(problem, .false., self%surrogate, error)
          if (allocated(error)) return
          self%surrogate%provenance = inputs
          call save_surrogate(self%surrogate, path, error)

@@ -9,16 +9,13 @@ module acquisitions
    private
    public :: acquisition_type, acquisition_names, new_acquisition
 
-   !> Names of the rules, of which the second, fourth and sixth are older ones. A new rule needs its
-   !> name here, a case in `new_acquisition` and a gain in `choose`.
-   character(len=*), parameter :: acquisition_names = 'imse, all_moduli, variance, modulus, ' &
-      & //'relative_variance, log_modulus'
+   !> Names of the rules. A new rule needs its name here, a case in `new_acquisition` and a gain in
+   !> `choose`.
+   character(len=*), parameter :: acquisition_names = 'imse, variance'
 
    !> A rule. By default the candidate of largest predictive variance is chosen (paper's section
-   !> 2.1; active learning, MacKay 1992), of the modulus or of its logarithm.
+   !> 2.1; active learning, MacKay 1992).
    type :: acquisition_type
-      !> Whether the variance of log M counts, not that of M.
-      logical :: relative = .false.
       !> Whether the candidate is chosen that most lowers the mean predictive variance over all
       !> candidates: the integrated mean squared error (active learning, Cohn 1996). If the domain
       !> has a range of the scale, the variance is that of log M: otherwise the stiffest crystals
@@ -37,11 +34,9 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       select case (name)
-      case ('imse', 'all_moduli')
+      case ('imse')
          rule%lowers_mean = .true.
-      case ('variance', 'modulus')
-      case ('relative_variance', 'log_modulus')
-         rule%relative = .true.
+      case ('variance')
       case default
          call refuse(error, 'variance_of: '''//name//''' is unknown; allowed: '//acquisition_names)
       end select
@@ -71,7 +66,7 @@ contains
 
       ! |dM/dy| of each candidate, or |d log M/dy|, above 0. Its square times the variance of y is
       ! the variance of M, or of log M.
-      relative = self%relative .or. (self%lowers_mean .and. basis%domain%has_scale())
+      relative = self%lowers_mean .and. basis%domain%has_scale()
       slope = merge(design%spread, design%scale, relative)
       if (relative .neqv. basis%logarithmic) then
          slope = matmul(design%regression%mean, design%candidates)

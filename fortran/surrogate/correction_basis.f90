@@ -200,19 +200,23 @@ contains
 
    contains
 
-      !> F with F Fᵀ the covariance, less 0.2 % of the variance of y in the mean over crystals of
+      !> F with F Fᵀ the covariance, less a part of the variance of y in the mean over crystals of
       !> the class in the domain, or those of the training for a film: most directions of the
       !> coefficients hardly change y in any of them.
       subroutine factor_covariance()
          integer, parameter :: n_crystals = 500, seed = 1
-         real(wp), parameter :: variance_left_out = 2.0e-3_wp
+         !> That part, and that of a film, whose variance is small beside the measurements'.
+         real(wp), parameter :: variance_left_out(2) = [2.0e-3_wp, 0.05_wp]
          real(wp), allocatable, dimension(:, :) :: constants, euler_deg, terms, root, projected, &
             & gram
          real(wp), allocatable :: scale(:), spread(:), values(:)
          type(domain_type) :: domain
+         real(wp) :: left_out
          integer :: i, j, n
 
+         left_out = variance_left_out(1)
          if (self%settings%model == 'film') then
+            left_out = variance_left_out(2)
             n = size(trained, 1)
             constants = trained(:n - 3, :)
             euler_deg = trained(n - 2:, :)
@@ -237,7 +241,7 @@ contains
          if (allocated(error)) return
          ! The eigenvalues are in ascending order.
          i = 1
-         do while (i < n .and. sum(values(:i)) <= variance_left_out*sum(values))
+         do while (i < n .and. sum(values(:i)) <= left_out*sum(values))
             i = i + 1
          end do
          new%factor = matmul(root, gram(:, i:))

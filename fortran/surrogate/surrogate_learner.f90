@@ -1,8 +1,8 @@
 !> The regression of a surrogate: the posterior of a basis' coefficients given the simulations so
 !> far, and the candidates for the next.
 !>
-!> It is trained batch by batch: the simulations, the posterior of the coefficients, the history of
-!> its errors, and the criteria to stop.
+!> It is trained batch by batch: the simulations, the posterior of the coefficients, and the history
+!> of its errors.
 module surrogate_learner
    use abstract_basis, only: basis_type, spread_of
    use acquisitions, only: acquisition_type, new_acquisition
@@ -20,7 +20,7 @@ module surrogate_learner
    private
    public :: learner_type, new_learner, add_simulations, revert, fit_learner, predict_moduli
    public :: learning_type, history_type, new_learning, batch_end, learn, close_batch
-   public :: surrogate_of, refit_all, change_basis, why_to_stop, left_out
+   public :: surrogate_of, refit_all, change_basis, left_out
 
    type :: learner_type
       class(basis_type), allocatable :: basis
@@ -36,8 +36,6 @@ module surrogate_learner
    integer, parameter :: fewest_points = 8
    !> Number of latest points over which the error of the next points is averaged.
    integer, parameter :: window = 20
-   !> An error below this share of the best one before is an improvement.
-   real(wp), parameter :: improvement = 0.98_wp
 
    !> The state after a maximisation of the evidence.
    type :: history_type
@@ -54,9 +52,8 @@ module surrogate_learner
    type :: learning_type
       type(learner_type) :: learner
       type(design_settings_type) :: settings
-      !> Least number of points that the basis needs, and number of points before alpha and beta are
-      !> first computed.
-      integer :: fewest = 0, first = 0
+      !> Number of points before alpha and beta are first computed.
+      integer :: first = 0
       !> Number of simulations at the last maximisation of the evidence.
       integer :: last_refit = 0
       type(history_type), allocatable :: history(:)
@@ -211,10 +208,10 @@ contains
       call new_acquisition(settings%variance_of, learning%learner%rule, error)
       if (allocated(error)) return
       learning%settings = settings
-      learning%fewest = fewest_points
-      if (.not. allocated(basis%prior_degrees)) learning%fewest = basis%n_terms
-      learning%first = min(max(merge(settings%initial, learning%fewest, settings%initial > 0), 2), &
-         & settings%budget)
+      learning%first = fewest_points
+      if (.not. allocated(basis%prior_degrees)) learning%first = basis%n_terms
+      if (settings%initial > 0) learning%first = settings%initial
+      learning%first = min(max(learning%first, 2), settings%budget)
       learning%last_mean = coefficient_mean(learning%learner%design%regression)
       allocate (learning%history(0), learning%next_errors(0))
    end subroutine new_learning
@@ -363,33 +360,5 @@ contains
       if (present(modulus)) modulus = predicted
       if (present(z)) z = -residual/sd
    end subroutine left_out
-
-   !> Reason to stop before the budget, or ''.
-   pure function why_to_stop(learning) result(reason)
-      type(learning_type), intent(in) :: learning
-      character(len=:), allocatable :: reason
-      logical :: early(size(learning%history))
-
-      reason = ''
-      if (size(learning%history) == 0 .or. learning%n() < max(learning%first, learning%fewest)) then
-         return
-      end if
-      associate (history => learning%history, last => learning%history(size(learning%history)), &
-         & target_gpa => learning%settings%target_gpa, patience => learning%settings%patience)
-         if (target_gpa > 0.0_wp .and. last%next >= 0.0_wp &
-            & .and. max(last%leave_crystal_out, last%next) <= target_gpa) then
-            reason = 'the errors of unseen crystals ('//to_text(last%leave_crystal_out, 3) &
-               & //' and '//to_text(last%next, 3)//' GPa) reached '//to_text(target_gpa)//' GPa'
-            return
-         end if
-         early = history%simulations <= learning%n() - patience
-         if (patience == 0 .or. .not. any(early)) return
-         if (minval(history%leave_crystal_out, &
-            & .not. early) <= improvement*minval(history%leave_crystal_out, early)) then
-            return
-         end if
-         reason = 'the error did not improve over the last '//to_text(patience)//' simulations'
-      end associate
-   end function why_to_stop
 
 end module surrogate_learner

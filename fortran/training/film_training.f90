@@ -16,7 +16,7 @@ module film_training
    use indenters, only: indenter_type, new_indenter
    use kinds, only: degree, i8, wp
    use observables, only: new_observable, observable_type
-   use posterior_focus, only: accurate_z, changes_of_variance, extend
+   use posterior_focus, only: accurate_z, extend
    use problem, only: problem_type
    use problem_posterior, only: run_type
    use progress, only: advance_progress, begin_progress, end_progress
@@ -28,11 +28,12 @@ module film_training
    use variance_shares, only: find_shares, from_surrogate, shares_type
    implicit none
    private
-   public :: train_film, plan_film
+   public :: train_film
 
-   !> Numbers of values over the broad region, and in each round at draws of the posterior and over
-   !> the domain, which holds all draws.
-   integer, parameter :: n_broad = 400, n_drawn = 400, n_spread = 100, most_rounds = 6
+   !> Numbers of values over the broad region, of &plan and of measurements, and in each round at
+   !> draws of the posterior and over the domain, which holds all draws.
+   integer, parameter :: n_planned = 1500, n_broad = 400, n_drawn = 400, n_spread = 100, &
+      & most_rounds = 4
    !> Chains of the posterior of a round.
    type(run_type), parameter :: pilot = run_type(1500, 500, 2, 7000001)
    !> Noise of values over the domain, relative to that of draws. These values keep the correction
@@ -59,39 +60,6 @@ module film_training
 
 contains
 
-   !> A problem with the measurements that &plan expects to be least precise, without their errors.
-   subroutine plan_film(problem, planned, error)
-      type(problem_type), intent(in) :: problem
-      type(problem_type), intent(out) :: planned
-      type(error_type), allocatable, intent(out) :: error
-      type(film_type), allocatable :: films(:)
-      type(observable_type) :: observable
-      integer :: i, n
-
-      planned = problem
-      if (allocated(planned%measurements)) deallocate (planned%measurements)
-      allocate (planned%measurements)
-      associate (model => planned%settings%measurements, plan => problem%settings%plan, &
-         & points => planned%measurements)
-         if (.not. allocated(model%modulus_kind)) model%modulus_kind = 'indentation_modulus'
-         call new_observable(model%modulus_kind, model, observable, error)
-         if (allocated(error)) return
-         n = nint(minval(plan%grains))
-         points%n = n
-         points%euler_deg = directions(problem%settings%problem%seed, 0, n)
-         allocate (films(n), points%paths(n))
-         call indent_films(problem, problem%class%stiffnesses(spread(plan%constants, 2, n)), &
-            & points%euler_deg, problem%threads(), films, error)
-         points%modulus_gpa = films%modulus
-         call observable%to_measured(points%modulus_gpa)
-         points%sd_gpa = maxval(plan%noise)*points%modulus_gpa
-         points%orientation_sd_deg = spread(-1.0_wp, 1, n)
-         points%group = spread(1, 1, n)
-         points%row = [(i, i=1, n)]
-      end associate
-      if (allocated(planned%shared_errors)) deallocate (planned%shared_errors)
-   end subroutine plan_film
-
    !> Angles, degrees, (3, n), of directions that are uniform over the sphere.
    function directions(seed, number, n) result(euler_deg)
       !> Of the random stream; of the directions.
@@ -109,87 +77,84 @@ contains
       end do
    end function directions
 
-   !> Train the correction of a film where the posterior of the problem is.
-   subroutine train_film(problem, surrogate, error)
+   !> Train the correction of a film where the posterior of the problem is, or, for &plan, over the
+   !> broad region alone.
+   subroutine train_film(problem, is_plan, surrogate, error)
       type(problem_type), intent(in), target :: problem
+      !> Whether the measurements are those of &plan.
+      logical, intent(in) :: is_plan
       type(surrogate_type), intent(out) :: surrogate
       type(error_type), allocatable, intent(out) :: error
       type(training_type) :: self
       type(posterior_type) :: posterior
-      real(wp), allocatable :: draws(:, :), share(:)
+      type(shares_type), allocatable :: shares(:)
+      real(wp), allocatable :: draws(:, :)
       real(wp) :: z
-      integer :: round
+      logical :: is_accurate
+      integer :: round, i, n_first
 
       self%problem => problem
-      call begin_progress('exact values of the film', int(n_broad + most_rounds*(n_drawn &
-         & + n_spread), i8))
-      call find_broad(self, error)
-      if (.not. allocated(error)) call add_spread(self, n_broad, 0, error)
+      n_first = merge(n_planned, n_broad, is_plan)
+      call begin_progress('exact values of the film', int(n_first + merge(0, most_rounds*(n_drawn &
+         & + n_spread), is_plan), i8))
+      call find_broad(self, is_plan, error)
+      if (.not. allocated(error)) call add_spread(self, n_first, 0, error)
       if (.not. allocated(error)) call fit(self, error)
-      do round = 1, most_rounds
+      do round = 1, merge(0, most_rounds, is_plan)
          if (allocated(error)) exit
          call draw_aside(problem, problem%settings%measurements, self%surrogate, pilot, posterior, &
             & draws, error)
          if (allocated(error)) exit
-         call find_share(posterior, draws, problem%threads(), share, error)
-         if (.not. allocated(error)) call add_draws(self, posterior, draws, round, z, error)
+         is_accurate = .true.
+         ! Grains of unknown orientation have no shares.
+         if (.not. allocated(posterior%unknown)) then
+            call find_shares(posterior, draws, draws(:posterior%n_constants, :), &
+               & real(size(draws, 2), wp), problem%threads(), shares, error)
+            if (allocated(error)) exit
+            is_accurate = all([(shares(i)%by_source(from_surrogate) <= accurate_share, i=1, &
+               & size(shares))])
+         end if
+         call add_draws(self, posterior, draws, round, z, error)
          if (.not. allocated(error)) call add_spread(self, n_spread, round, error)
          if (.not. allocated(error)) call fit(self, error)
-         if (allocated(error)) exit
-         if (all(share <= accurate_share) .and. z <= accurate_z) exit
+         if (is_accurate .and. z <= accurate_z) exit
       end do
       call end_progress()
       surrogate = self%surrogate
    end subroutine train_film
 
-   !> Set the domain to the broad region about the isotropic crystal with the mean measurement.
-   subroutine find_broad(self, error)
+   !> Set the domain to the broad region about the crystal of &plan, or the isotropic crystal with
+   !> the mean measurement.
+   subroutine find_broad(self, is_plan, error)
       type(training_type), intent(inout) :: self
+      !> As in `train_film`.
+      logical, intent(in) :: is_plan
       type(error_type), allocatable, intent(out) :: error
       type(observable_type) :: observable
-      real(wp) :: poisson, anisotropy, scale, young
+      real(wp) :: crystal(6, 6), poisson, anisotropy, scale, young
 
       associate (problem => self%problem, model => self%problem%settings%measurements, &
-         & domain => self%domain)
-         call new_observable(model%modulus_kind, model, observable, error)
-         if (allocated(error)) return
-         young = sum(problem%measurements%modulus_gpa)/size(problem%measurements%modulus_gpa)
-         young = young_of_film(problem, young/max(observable%factor &
-            & - observable%compliance*young, 1.0e-3_wp), typical_poisson)
-         call logarithmic_mean(isotropic_stiffness(young, typical_poisson), poisson, anisotropy, &
-            & scale)
+         & domain => self%domain, known => self%known)
+         if (is_plan) then
+            crystal = problem%class%stiffness(problem%settings%plan%constants)
+         else
+            call new_observable(model%modulus_kind, model, observable, error)
+            if (allocated(error)) return
+            young = sum(problem%measurements%modulus_gpa)/size(problem%measurements%modulus_gpa)
+            young = young_of_film(problem, young/max(observable%factor &
+               & - observable%compliance*young, 1.0e-3_wp), typical_poisson)
+            crystal = isotropic_stiffness(young, typical_poisson)
+         end if
+         call logarithmic_mean(crystal, poisson, anisotropy, scale)
          domain%log_anisotropy_max = broad_anisotropy
          domain%poisson = broad_poisson
          domain%stiffness = scale*[1.0_wp/broad_scale, broad_scale]
          call complete_domain(problem%class%name, domain, error)
          domain%is_extended = .true.
-         associate (known => self%known)
-            allocate (known%constants(problem%class%n_constants, 0), known%euler_deg(3, 0), &
-               & known%modulus(0), self%noise(0))
-         end associate
+         allocate (known%constants(problem%class%n_constants, 0), known%euler_deg(3, 0), &
+            & known%modulus(0), self%noise(0))
       end associate
    end subroutine find_broad
-
-   !> Find the share of the correction in the variance of each constant. Grains of unknown
-   !> orientation have none.
-   subroutine find_share(posterior, draws, threads, share, error)
-      type(posterior_type), intent(in) :: posterior
-      !> (parameter, draw).
-      real(wp), intent(in) :: draws(:, :)
-      integer, intent(in) :: threads
-      real(wp), allocatable, intent(out) :: share(:)
-      type(error_type), allocatable, intent(out) :: error
-      type(shares_type), allocatable :: shares(:)
-      integer :: i
-
-      share = spread(0.0_wp, 1, posterior%n_constants)
-      if (allocated(posterior%unknown)) return
-      call find_shares(posterior, draws, draws(:size(share), :), real(size(draws, 2), wp), &
-         & threads, shares, error)
-      if (allocated(error)) return
-      share = max([(shares(i)%by_source(from_surrogate), i=1, size(share))], &
-         & changes_of_variance(posterior, draws, size(share), threads))
-   end subroutine find_share
 
    !> Add values at crystals that are spread over the domain.
    subroutine add_spread(self, n, number, error)

@@ -23,14 +23,8 @@ CRYSTALS = ("copper", "Zn", "Ti", "rutile", "quartz")
 ANGLES = (200.0, 50.0, 25.0)
 #: Specimens by what is printed of them, contact radius 0.5 um.
 SPECIMENS: dict[str, dict] = {
-    **{
-        f"hemisphere, {r} um": {"geometry": "grain", "grain_radius_um": r}
-        for r in (1.5, 2.5, 5.0, 10.0, 50.0)
-    },
-    **{
-        f"cylinder, {r} x {d} um": {"geometry": "grain", "grain_radius_um": r, "grain_depth_um": d}
-        for r, d in ((1.5, 1.0), (4.0, 2.0), (4.0, 8.0), (10.0, 5.0), (50.0, 50.0))
-    },
+    f"hemisphere, {r} um": {"geometry": "grain", "grain_radius_um": r}
+    for r in (1.5, 2.5, 5.0, 10.0, 50.0)
 }
 
 

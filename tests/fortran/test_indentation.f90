@@ -396,7 +396,6 @@ contains
       settings = default_settings()
       settings%specimen%matrix = 'isotropic'
       settings%specimen%grain_radius_um = 2.0_wp
-      settings%specimen%grain_depth_um = 2.0_wp
       settings%specimen%matrix_young_gpa = 100.0_wp
       settings%indenter%depth_um = 0.01_wp
       allocate (geometries, source=split_list(geometry_names))

@@ -125,12 +125,10 @@ contains
       type(surrogate_type) :: surrogate
       type(error_type), allocatable :: error
       real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
-      character(len=*), &
-         & parameter :: rules(3) = [character(len=17) :: 'variance', 'relative_variance', 'imse'], &
-         & older(3) = [character(len=11) :: 'modulus', 'log_modulus', 'all_moduli']
+      character(len=*), parameter :: rules(2) = [character(len=8) :: 'variance', 'imse']
       real(wp) :: mean(200), sd(200), variance(3), c(6, 6), scale, spread(200)
       real(wp), allocatable :: terms(:, :), reach(:)
-      integer :: i, rule, chosen(3), again(3)
+      integer :: i, rule, chosen(3)
 
       call make_basis('', 'correction', 2, 0, basis, stiffness)
       allocate (terms(basis%n_terms, 200))
@@ -140,8 +138,8 @@ contains
          & .true., error)
       call new_acquisition('guess', learner%rule, error)
       call check_refused('an unknown rule', error, &
-         & '''guess'' is unknown; allowed: imse, all_moduli, variance, modulus')
-      do rule = 1, 3
+         & '''guess'' is unknown; allowed: imse, variance')
+      do rule = 1, size(rules)
          call new_acquisition(trim(rules(rule)), learner%rule, error)
          call set_candidates(learner%design, basis, constants(:, :200), euler_deg(:, :200))
          call fit_learner(learner, error)
@@ -151,8 +149,7 @@ contains
             call evaluate_terms(basis, c, degree*euler_deg(:, i), terms(:, i), scale, spread(i))
             call predict(surrogate, c, degree*euler_deg(:, i), mean(i), sd(i))
          end do
-         if (rule == 2) sd = sd/mean
-         if (rule == 3) then
+         if (rule == 2) then
             do i = 1, 200
                reach = matmul(surrogate%covariance, terms(:, i))
                sd(i) = sum(merge(1.0_wp, mean**2, present(stiffness))*(spread*matmul(reach, &
@@ -161,11 +158,6 @@ contains
          end if
          call learner%rule%choose(learner%design, basis, 1, chosen, variance)
          call check('the best by '//trim(rules(rule)), chosen(1) == maxloc(sd, 1))
-         call new_acquisition(trim(older(rule)), learner%rule, error)
-         call set_candidates(learner%design, basis, constants(:, :200), euler_deg(:, :200))
-         call fit_learner(learner, error)
-         call learner%rule%choose(learner%design, basis, 1, again, variance)
-         call check('and by its older name', all(again == chosen))
       end do
       call new_acquisition('variance', learner%rule, error)
       call set_candidates(learner%design, basis, constants(:, :200), euler_deg(:, :200))

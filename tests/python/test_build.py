@@ -4,7 +4,6 @@ importing, refusing.
 
 import itertools
 import json
-import re
 import sqlite3
 import time
 from contextlib import closing
@@ -22,7 +21,7 @@ from bayesindent.stages.stage import Simulations
 from bayesindent.surrogate.basis import Basis
 from bayesindent.surrogate.surrogate import Surrogate
 from support.build_problems import CORRECTION, PAPER, make_problem, numbers_of, posterior_of, stored
-from support.diagnostics import codes, of_code
+from support.diagnostics import of_code
 from support.learner import Learner, build, spread_crystals
 from support.paper_domains import DOMAINS
 from support.specimen_factor import specimen
@@ -349,45 +348,6 @@ def test_designs(tmp_path, specimens, model, initial_set, candidates):
     assert again["validation"]["simulated"] == document["validation"]["simulated"]
 
 
-def test_stopping_at_a_target(tmp_path, specimens):
-    design = {"n_candidates": 400, "budget": 100, "target_gpa": 0.8}
-    document = build(make_problem(tmp_path, model=CORRECTION, design=design), tmp_path)
-    last = document["history"][-1]
-    assert document["simulations"] < 100
-    assert "reached 0.8 GPa" in document["stopped"]
-    assert max(last["leave_crystal_out_gpa"], last["next_gpa"]) <= 0.8
-    # It is the first state that does, once there are as many as are needed.
-    assert all(
-        state["next_gpa"] is None or max(state["leave_crystal_out_gpa"], state["next_gpa"]) > 0.8
-        for state in document["history"][:-1]
-        if state["simulations"] >= 8
-    )
-    # Never with fewer points than terms under a prior of equal coefficients.
-    problem = make_problem(
-        tmp_path / "flat",
-        design={"n_candidates": 200, "initial": 4, "budget": 60, "target_gpa": 100.0},
-    )
-    assert build(problem, tmp_path / "flat")["simulations"] == 16
-
-
-def test_a_larger_budget_goes_beyond_where_it_stopped(tmp_path, specimens):
-    """A target that was reached ends a build of any budget at the same simulation; without it, it
-    goes on.
-    """
-    design = {"n_candidates": 400, "budget": 40, "target_gpa": 2.0}
-    first = build(make_problem(tmp_path, model=CORRECTION, design=design), tmp_path)
-    again = build(
-        make_problem(tmp_path, model=CORRECTION, design=design | {"budget": 60}), tmp_path
-    )
-    assert first["simulations"] == again["simulations"] < 40
-    assert again["new_simulations"] == 0
-    del design["target_gpa"]
-    assert (
-        build(make_problem(tmp_path, model=CORRECTION, design=design), tmp_path)["simulations"]
-        == 40
-    )
-
-
 def test_more_terms_than_points_under_equal_priors_is_refused(tmp_path):
     with pytest.raises(
         bi.InputError, match="&design budget: 16 simulations are fewer than the 54 terms"
@@ -541,22 +501,6 @@ def test_candidates_of_a_table(tmp_path):
     assert document["warnings"][-1]["numbers"] == {"simulations": 30}
 
 
-def test_stopping_without_improvement(tmp_path):
-    # The error settles at what truncation leaves out.
-    document = build(
-        make_problem(tmp_path, design={"n_candidates": 300, "budget": 250, "patience": 30}),
-        tmp_path,
-    )
-    assert document["simulations"] < 250
-    assert "did not improve over the last 30" in document["stopped"]
-    errors = {state["simulations"]: state["leave_crystal_out_gpa"] for state in document["history"]}
-    before = min(error for n, error in errors.items() if n <= document["simulations"] - 30)
-    assert (
-        min(error for n, error in errors.items() if n > document["simulations"] - 30)
-        > 0.98 * before
-    )
-
-
 def test_told_moduli_of_a_specimen_teach_a_correction(tmp_path):
     """Simulations made elsewhere, in rounds: what is asked for next takes account of what was
     told.
@@ -589,32 +533,8 @@ def test_told_moduli_of_a_specimen_teach_a_correction(tmp_path):
     assert document["loocv_gpa"] < 0.5 * document["baselines"]["theory_times_ratio_gpa"]
 
 
-def test_what_was_not_simulated_is_named(tmp_path):
-    """Candidates of a narrow table in a wide domain."""
-    narrow = Basis.from_keywords(
-        domain={"log_anisotropy_max": 0.4, "poisson_min": 0.2, "poisson_max": 0.3}
-    )
-    rows = np.hstack(spread_crystals(narrow, 20, 1))
-    names = [*bi.constants("triclinic"), "phi1_deg", "Phi_deg", "phi2_deg"]
-    (tmp_path / "mine.csv").write_text(
-        "\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n"
-    )
-    document = build(
-        make_problem(tmp_path, model=CORRECTION, design={"candidates": "'mine.csv'", "budget": 12}),
-        tmp_path,
-    )
-    (found,) = of_code(document["warnings"], "anisotropy_not_simulated")
-    assert 0.3 <= found["numbers"]["simulated"] < 0.5
-    assert found["numbers"]["domain"] == pytest.approx(1.2)
-    (found,) = of_code(document["warnings"], "poisson_not_simulated")
-    assert 0.195 <= found["numbers"]["least"] < 0.295
-    assert 0.285 <= found["numbers"]["greatest"] < 0.305
-
-
 def test_a_build_over_the_scale(tmp_path, specimens):
-    """Crystals of every scale are candidates; an interrupted build goes on; what of the scale was
-    not simulated is named.
-    """
+    """Crystals of every scale are candidates; an interrupted build goes on."""
     model = CORRECTION | {
         "domain": {
             "log_anisotropy_max": "1.2",
@@ -629,8 +549,6 @@ def test_a_build_over_the_scale(tmp_path, specimens):
         make_problem(tmp_path, model=model, design={"n_candidates": 300, "budget": 24}), tmp_path
     )
     assert (first["terms"], again["simulations"], again["new_simulations"]) == (35, 24, 12)
-    assert "scale_not_simulated" not in codes(again["warnings"])
-    assert re.search(r" and a scale of \d+(\.\d+)? GPa$", again["domain"]["words"])
     surrogate = Surrogate.load(tmp_path / "surrogate.txt")
     scale = surrogate.basis.coverage(stiffness_rows("triclinic", surrogate.data["constants"]))[2]
     assert scale.min() < 60
@@ -642,28 +560,3 @@ def test_a_build_over_the_scale(tmp_path, specimens):
     assert [again[key] for key in ("alpha", "beta", "fall", "loocv_gpa")] == [
         whole[key] for key in ("alpha", "beta", "fall", "loocv_gpa")
     ]
-    rows = np.hstack(
-        spread_crystals(
-            Basis.from_keywords(
-                domain={
-                    "stiffness_min_gpa": 100.0,
-                    "stiffness_max_gpa": 200.0,
-                    "log_anisotropy_max": 1.2,
-                }
-            ),
-            20,
-            1,
-        )
-    )
-    names = [*bi.constants("triclinic"), "phi1_deg", "Phi_deg", "phi2_deg"]
-    (tmp_path / "mine.csv").write_text(
-        "\n".join([",".join(names), *(",".join(map(repr, row)) for row in rows.tolist())]) + "\n"
-    )
-    few = build(
-        make_problem(
-            tmp_path / "c", model=model, design={"candidates": "'../mine.csv'", "budget": 12}
-        ),
-        tmp_path / "c",
-    )
-    (found,) = of_code(few["warnings"], "scale_not_simulated")
-    assert 100 <= found["numbers"]["least"] < found["numbers"]["greatest"] < 300

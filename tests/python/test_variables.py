@@ -443,7 +443,6 @@ EFFECTS = {
         "substrate_euler_deg": (film, ON_CRYSTAL, [0.0, 45.0, 0.0]),
         "layers": (layered, FILM, "layers.csv"),
         "grain_radius_um": (simulated, GRAIN, 3.0),
-        "grain_depth_um": (simulated, GRAIN, 3.0),
         "matrix": (
             simulated,
             {"specimen": {"geometry": "grain", "grain_radius_um": 2.0, "matrix_young_gpa": 200.0}},
@@ -514,8 +513,6 @@ EFFECTS = {
         "budget": (built, {}, 14),
         "batch": (built, {"design": {"budget": 20, "initial": 2}}, 6),
         "refit": (built, {"design": {"budget": 20}}, 7),
-        "target_gpa": (built, {"design": {"budget": 40}}, 50.0),
-        "patience": (built, PAPER | {"design": {"n_candidates": 250, "budget": 200}}, 5),
         "validation": (built, {}, 3),
         "reuse": None,  # test_build: a surrogate of what other models chose
     },
@@ -623,7 +620,6 @@ def test_every_variable_is_here():
     "sampler-chains",
     "sampler-evidence",
     "execution-engine",
-    "design-patience",
     "problem-seed",
     "next-target",
     "plan-constants",
