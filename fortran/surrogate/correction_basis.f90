@@ -206,7 +206,7 @@ contains
       subroutine factor_covariance()
          integer, parameter :: n_crystals = 500, seed = 1
          !> That part, and that of a film, whose variance is small beside the measurements'.
-         real(wp), parameter :: variance_left_out(2) = [2.0e-3_wp, 0.05_wp]
+         real(wp), parameter :: variance_left_out(2) = [2.0e-3_wp, 0.2_wp]
          real(wp), allocatable, dimension(:, :) :: constants, euler_deg, terms, root, projected, &
             & gram
          real(wp), allocatable :: scale(:), spread(:), values(:)
