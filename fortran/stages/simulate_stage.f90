@@ -81,6 +81,8 @@ contains
          if (largest(i) <= most_error .or. rows(i)%outcome%status == outcome_failed) cycle
          rows(i)%outcome%status = outcome_failed
          rows(i)%outcome%message = 'its modulus may err by more than 5 %; refine the mesh'
+         rows(i)%outcome%depth = [real(wp) ::]
+         rows(i)%outcome%force = rows(i)%outcome%depth
       end do
       modulus = merge(rows%outcome%modulus, nan, rows%outcome%status == outcome_done)
       call write_moduli(self%problem, self%output//'/moduli.csv', modulus, error)

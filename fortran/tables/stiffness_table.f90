@@ -1,7 +1,7 @@
 !> A known stiffness with its covariance, such as one from density functional theory. The CSV has a
 !> column `row` and one for each constant of the class, the row 'mean' (GPa), and a row of the
 !> covariance (GPa²) for each constant, in any order. Or the file is the matrix (GPa), 6 x 6 numbers
-!> or the 21 of its upper triangle, whose constants have one relative standard deviation.
+!> or the 21 of a triangle, whose constants have one relative standard deviation.
 module stiffness_table
    use crystal_class, only: crystal_class_type, general_class, new_crystal_class
    use crystal_elasticity, only: check_stiffness
@@ -11,7 +11,7 @@ module stiffness_table
    use linear_algebra, only: cholesky_factor
    use point_tables, only: points_type, read_constants, stiffness_most
    use tables, only: longest_name, parse_table, table_type
-   use text, only: join, newline, split_list, to_text
+   use text, only: join, newline, read_real, split_list, to_text
    implicit none
    private
    public :: stiffness_table_type, new_stiffness_table
@@ -152,16 +152,36 @@ contains
       type(points_type) :: points
       character(len=:), allocatable :: list
       character(len=longest_name), allocatable :: words(:)
-      integer :: i, j
+      real(wp) :: entries(36)
+      integer :: mirrored(36), first, i, j, outcome
 
       list = content(:min(len(content), most))
       do i = 1, len(list)
-         if (scan(list(i:i), ' []'//achar(9)//achar(13)//newline) > 0) list(i:i) = ','
+         if (scan(list(i:i), ' []()|'//achar(9)//achar(13)//newline) > 0) list(i:i) = ','
       end do
       words = split_list(list)
-      if (size(words) == 36) words = pack(words, [((j >= i, j=1, 6), i=1, 6)])
+      if (size(words) == 36) then
+         do i = 1, 36
+            call read_real(trim(words(i)), entries(i), outcome)
+         end do
+         mirrored = [((6*(j - 1) + i, j=1, 6), i=1, 6)]
+         i = findloc(abs(entries - entries(mirrored)) > tolerance*maxval(abs(entries)), .true., dim=1)
+         if (i > 0) then
+            call refuse(error, 'the matrix is not symmetric: '//entry(i)//', but ' &
+               & //entry(mirrored(i)))
+            return
+         end if
+         words = pack(words, [((j >= i, j=1, 6), i=1, 6)])
+      else if (size(words) == 21) then
+         ! The first two lines of a lower triangle have three numbers.
+         first = index(content, newline)
+         first = first + index(content(first + 1:), newline)
+         if (size(split_list(list(:min(first, most)))) == 3) then
+            words = words([((j*(j - 1)/2 + i, j=i, 6), i=1, 6)])
+         end if
+      end if
       if (size(words) /= 21) then
-         call refuse(error, to_text(size(words))//' numbers; a matrix has 36, or 21 in its upper ' &
+         call refuse(error, to_text(size(words))//' numbers; a matrix has 36, or 21 in a ' &
             & //'triangle; for a table leave stiffness_relative_sd out')
          return
       end if
@@ -178,5 +198,16 @@ contains
       do i = 1, class%n_constants
          self%covariance(i, i) = (relative_sd*self%mean(i))**2
       end do
+
+   contains
+
+      !> Name and value of entry `k`, row by row.
+      function entry(k) result(string)
+         integer, intent(in) :: k
+         character(len=:), allocatable :: string
+
+         string = 'C'//to_text((k + 5)/6)//to_text(modulo(k - 1, 6) + 1)//' is '//trim(words(k)) &
+            & //' GPa'
+      end function entry
    end subroutine read_matrix
 end module stiffness_table

@@ -223,9 +223,10 @@ def test_files_that_other_packages_read(monkeypatch, tmp_path):
             trace={"time_s": time, "disp_nm": depth, "force_uN": 1e3 * load}
         )
     )
+    nanodent.__spec__ = True
     for module, fake in (
         ("nanodent", nanodent),
-        ("micromechanics", SimpleNamespace()),
+        ("micromechanics", SimpleNamespace(__spec__=True)),
         ("micromechanics.indentation", SimpleNamespace(Indentation=Indentation)),
     ):
         monkeypatch.setitem(sys.modules, module, fake)
@@ -239,6 +240,12 @@ def test_files_that_other_packages_read(monkeypatch, tmp_path):
     with pytest.raises(
         bi.InputError, match="reading a .hld file needs nanodent, which is not installed"
     ):
+        bi.curves([tmp_path / "a.hld"], {"test": ["a"], "grain": ["g"]}, radius_um=5.0)
+    # An installed package that lacks one of its own is told as that.
+    monkeypatch.delitem(sys.modules, "nanodent")
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "nanodent.py").write_text("import a_module_that_is_not_there\n")
+    with pytest.raises(bi.InputError, match="cannot be imported .*'a_module_that_is_not_there'"):
         bi.curves([tmp_path / "a.hld"], {"test": ["a"], "grain": ["g"]}, radius_um=5.0)
 
 

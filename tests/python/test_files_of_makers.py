@@ -40,7 +40,7 @@ def checked(folder, namelist):
 
 def test_the_ratio_of_the_file_is_used(tmp_path):
     """The moduli of a file with nu are M (1 - nu^2); so many files state one M."""
-    for name, nu in (("Poissons Ratio", 0.18), ("nu", 0.35), ("Poisson's ratio [-]", 0.25)):
+    for name, nu in (("Poissons Ratio", 0.18), ("ns", 0.35), ("Poisson's ratio [-]", 0.25)):
         text = page(f"Es (GPa);,{name}", (MODULI * (1 - nu**2)).round(9), f",{nu}")
         (tmp_path / "a.csv").write_text(text)
         points = read_measurements(tmp_path / "a.csv", "cubic")
@@ -105,6 +105,8 @@ def test_the_ratio_of_another_sheet(tmp_path):
         ("EIT/(1-vs^2) [GPa]", "indentation_modulus"),
         ("EIT/(1-νs²)", "indentation_modulus"),
         ("Er [GPa]", "effective_modulus"),
+        ("EIT (O&P) [GPa]", "sample_modulus"),
+        ("modulusRed_GPa", "effective_modulus"),
     ],
 )
 def test_kinds_of_modulus_by_the_names_of_makers(tmp_path, header, kind):
@@ -120,9 +122,66 @@ def test_a_name_of_several_kinds_is_asked_for(tmp_path, header):
         read_measurements(tmp_path / "a.csv", "cubic")
 
 
-def test_the_sd_of_asmec(tmp_path):
-    (tmp_path / "a.csv").write_text(page("Er").replace("sd_gpa", "DEr"))
+SDS = {"effective_modulus": [2.1, 2.2, 2.3], "sample_modulus": [3.1, 3.2, 3.3]}
+
+
+def two_moduli(header):
+    """Er and EIT, and sds of each of them, in columns of these headers."""
+    names, columns = header.split(","), []
+    for name in names:
+        of_sample = "EIT" in name
+        sds = SDS["sample_modulus" if of_sample else "effective_modulus"]
+        columns.append(MODULI - 3 * of_sample if name in ("Er", "EIT") else sds)
+    rows = (",".join(map(str, row)) for row in zip(*columns, strict=True))
+    lines = [f"{angles},{row}" for angles, row in zip(ANGLES, rows, strict=True)]
+    return "\n".join([f"phi1,Phi,phi2,{header}", *lines])
+
+
+@pytest.mark.parametrize(
+    "header", ["Er,Er sd,EIT,EIT sd", "Er,DEr,EIT,DEIT", "Er,EIT,sd Er,sd EIT"]
+)
+@pytest.mark.parametrize("kind", SDS)
+def test_each_of_two_moduli_has_its_sd(tmp_path, header, kind):
+    (tmp_path / "a.csv").write_text(two_moduli(header))
+    points = read_measurements(tmp_path / "a.csv", "cubic", modulus_kind=kind)
+    assert points.modulus_kind == kind and points.sd_gpa.tolist() == SDS[kind]
+    with pytest.raises(bi.InputError, match="are moduli; state modulus_kind"):
+        read_measurements(tmp_path / "a.csv", "cubic")
+
+
+def test_columns_of_one_name_are_sds_of_what_is_before_them(tmp_path):
+    rows = (f"{a},0.1,{m},2" for a, m in zip(ANGLES, MODULI, strict=True))
+    (tmp_path / "a.csv").write_text("\n".join(["phi1,Phi,phi2,Std,Er,Std", *rows]))
     assert read_measurements(tmp_path / "a.csv", "cubic").sd_gpa.tolist() == [2, 2, 2]
+
+
+@pytest.mark.parametrize(
+    ("header", "words"),
+    [
+        ("Er,EIT,EIT sd", "the column sd_gpa is missing"),
+        ("Er,EIT,StDev", "StDev follows EIT and may be of that"),
+    ],
+)
+def test_the_sd_of_another_modulus_is_not_taken(tmp_path, header, words):
+    (tmp_path / "a.csv").write_text(two_moduli(header))
+    with pytest.raises(bi.InputError, match=words):
+        read_measurements(tmp_path / "a.csv", "cubic", modulus_kind="effective_modulus")
+
+
+def test_the_table_of_hysitron(tmp_path):
+    """Its m is the exponent of the unloading, and its positions are in mm."""
+    lines = [
+        "Number of Data Points = 2",
+        "File;hc(nm);Er(GPa);m;X(mm);Y(mm);phi1;Phi;phi2;sd",
+        "grid_0000;120.170023;117.87;1.234245;-51.7;0.25;10;40;70;2",
+        "grid_0001;106.766124;124.54;1.360224;-51.7;0.25;80;20;50;2",
+    ]
+    (tmp_path / "a.txt").write_text("\n".join(lines).replace(";", "\t"))
+    points = read_measurements(tmp_path / "a.txt", "cubic")
+    assert points.modulus_kind == "effective_modulus"
+    assert points.modulus_gpa.tolist() == [117.87, 124.54]
+    row = dict(zip(points.columns, points.rows[0], strict=True))
+    assert (float(row["x_um"]), float(row["y_um"])) == (-51700, 250)
 
 
 CRYSTALS = {
@@ -191,7 +250,9 @@ def test_a_matrix_is_a_known_stiffness(tmp_path):
     right = found(known)
     path = tmp_path / "c.txt"
     bracketed = "[[" + "],\n[".join(MATRIX.replace(" ", ", ").strip().split("\n")) + "]]"
-    for text in (MATRIX, MATRIX.replace(" ", ","), MATRIX.replace(" ", "\t"), TRIANGLE, bracketed):
+    lower = "168.4\n121.4 168.4\n121.4 121.4 168.4\n0 0 0 75.4\n0 0 0 0 75.4\n0 0 0 0 0 75.4\n"
+    forms = MATRIX.replace(" ", ","), MATRIX.replace(" ", "\t"), TRIANGLE, bracketed, lower
+    for text in (MATRIX, *forms, "| " + MATRIX.replace("\n", " |\n| ")[:-2]):
         path.write_text(text)
         got = found({"stiffness": path, "stiffness_relative_sd": 0.02})
         assert np.array_equal(got, right)
@@ -201,7 +262,10 @@ def test_a_matrix_is_a_known_stiffness(tmp_path):
     namelist += "&knowledge stiffness_file = 'c.txt'{} /\n"
     sd = ", stiffness_relative_sd = 0.02"
     assert not checked(tmp_path, namelist.format("cubic", sd))
-    path.write_text(MATRIX.replace("0 0 0 75.4 0 0", "0 0 0 75.4 0 9"))
+    path.write_text(MATRIX.replace("\n121.4 ", "\n130 ", 1))
+    unlike = "the matrix is not symmetric: C12 is 121.4 GPa, but C21 is 130 GPa"
+    assert unlike in checked(tmp_path, namelist.format("cubic", sd))
+    path.write_text(MATRIX.replace("75.4 0 0", "75.4 0 9").replace("0 0 75.4\n", "9 0 75.4\n"))
     assert "GPa does not apply to a cubic" in checked(tmp_path, namelist.format("cubic", sd))
     path.write_text(MATRIX[:40])
     assert "numbers; a matrix has 36" in checked(tmp_path, namelist.format("cubic", sd))

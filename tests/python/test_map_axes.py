@@ -204,13 +204,13 @@ def problem_with(path, symmetry, axes):
     )
 
 
-@pytest.mark.parametrize("ending", ["oh5", "osc", "cpr", "crc"])
+@pytest.mark.parametrize("ending", ["oh5", "osc"])
 def test_other_files_of_makers_are_refused_with_what_to_do(tmp_path, ending):
     path = tmp_path / f"map.{ending}"
     path.write_bytes(b"\x89HDF\r\n")
     with pytest.raises(
         bi.InputError,
-        match=rf"map.{ending}: maps .{ending} are not read; export the map as .ang or .ctf",
+        match=rf"map.{ending}: maps .{ending} are not read; export the map as .ang",
     ):
         measured(path, [(1.0, 1.0)])
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 import bayesindent as bi
 from support.diagnostics import codes, of_code
-from support.orientation_maps import bunge, measured, pixels, write
+from support.orientation_maps import LEFT, RIGHT, along, bunge, measured, pixels, write
 from support.tree import REFERENCE
 
 pytest.importorskip("orix.io")
@@ -280,6 +280,78 @@ def test_cells_of_another_setting_are_refused(tmp_path):
     path.write_text(path.read_text().replace(cell, other))
     with pytest.raises(bi.InputError, match="has a rhombohedral cell, alpha 46.1 degrees; export"):
         measured(path, [(2.1, 5.2)], "trigonal")
+
+
+def test_a_map_of_bruker_whose_points_have_any_order(tmp_path):
+    x, y, euler = pixels()
+    order = np.random.default_rng(1).permutation(len(x))
+    phase = np.where(np.hypot(x - 2.0, y - 5.0) < 0.6, 0, 1)
+    with h5py.File(path := tmp_path / "map.h5", "w") as file:
+        file["Manufacturer"] = "Bruker Nano"
+        data, header, sem = (
+            file.create_group(f"Scan 0/EBSD/{n}") for n in ("Data", "Header", "SEM")
+        )
+        for name, values in zip(("phi1", "PHI", "phi2"), euler.T, strict=True):
+            data[name] = values[order]
+        # The axis x of the sample is opposite to that of the picture.
+        for name, values in (("X", x.max() - x), ("Y", y), ("Z", 0 * y)):
+            data[f"{name} SAMPLE"] = 300 + values[order]
+        sem["IX"], sem["IY"] = (np.rint(at[order] / 0.5).astype(int) for at in (x, y))
+        data["Phase"] = phase[order]
+        names = "PCX PCY DD MAD MADPhase NIndexedBands RadonBandCount RadonQuality"
+        for name in (*names.split(), "X BEAM", "Y BEAM"):
+            data[name] = np.ones(len(x))
+        header["Grid Type"] = "isometric"
+        crystal = header.create_group("Phases/1")
+        crystal["Name"], crystal["IT"] = "iron", 229
+        crystal["LatticeConstants"] = [2.866, 2.866, 2.866, 90.0, 90.0, 90.0]
+        crystal["AtomPositions/1"] = "Fe,0,0,0,1"
+    found = measured(path, [(2.1, 5.2), (12.3, 4.9)]).measurements.euler_deg
+    assert along(found) == pytest.approx(along([LEFT, RIGHT]), abs=0.01)
+
+
+@pytest.mark.parametrize("tilt", [0.0, 90.0])
+def test_the_binary_map_of_oxford(tmp_path, tilt):
+    """Steps of 0.5 and 1 um; the fields of the second file in another order than usual."""
+    x, y, euler = pixels()
+    facts = {
+        "General": {"Description": "made here: 50 %", "ProjectFile": "D:\\a.oip"},
+        "Job": {"xCells": 30, "yCells": 20, "GridDistX": 0.5, "GridDistY": "1,0"},
+        "Acquisition Surface": {"Euler1": 90.0, "Euler2": tilt, "Euler3": 0.0},
+        "Fields": dict(zip(("Field1", "Field2", "Field3", "Field4"), (7, 3, 4, 5))) | {"Count": 4},
+        "Phases": {"Count": 1},
+        "Phase1": {"StructureName": "Iron", "LaueGroup": 11, "a": 2.866, "b": 2.866, "c": 2.866}
+        | dict.fromkeys(("alpha", "beta", "gamma"), 90.0),
+    }
+    lines = []
+    for name, section in facts.items():
+        lines += [f"[{name}]", *(f"{key}={value}" for key, value in section.items()), "", "Notes"]
+    (tmp_path / "map.cpr").write_bytes("\r\n".join(lines).encode())
+    points = np.zeros(len(x), "u1, u1, 3<f4")
+    points["f0"] = np.hypot(x - 2.0, y - 5.0) > 0.6
+    points["f2"] = np.radians(euler)
+    points.tofile(tmp_path / "map.crc")
+    if tilt:
+        with pytest.raises(bi.InputError, match="map.cpr: .*states neither CS0 nor CS1"):
+            measured(tmp_path / "map.cpr", [(2.1, 10.4)])
+        return
+    for name in ("map.cpr", "map.crc"):
+        found = measured(tmp_path / name, [(2.1, 10.4), (12.3, 9.8)]).measurements.euler_deg
+        assert along(found) == pytest.approx(along([LEFT, RIGHT]), abs=0.01)
+
+
+def test_a_single_phase_with_points_of_no_phase(tmp_path):
+    """MTEX writes zeros for points without a solution, in their confidence too."""
+    at, angles, indents = copper()
+    rows = np.tile([1500.0, 0, 1, 1, 0.5], (len(at), 1))
+    lost = away(at, indents[:, :2]) <= 4
+    rows[lost], angles[lost] = 0, 0
+    path = edax(tmp_path / "map.ang", at, np.radians(angles), rows)
+    problem = measured(path, indents[:, :2])
+    assert (
+        f"{lost.sum()} of 1,200 points"
+        in of_code(problem.warnings, "points_not_indexed")[0]["subject"]
+    )
 
 
 @pytest.mark.parametrize(

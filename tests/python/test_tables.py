@@ -136,7 +136,7 @@ REFUSED = {
         "the column E (GPa) does not say which modulus was measured",
     ),
     "two kinds of modulus": (
-        page(header=[*HEADER[:3], "Er", "E_IT", "sd"], rows=[(*row, 4.0) for row in ROWS]),
+        page(header=[*HEADER[:3], "Er", "E_IT", "sd_gpa"], rows=[(*row, 4.0) for row in ROWS]),
         {},
         "the columns Er and E_IT are moduli; state modulus_kind to take one",
     ),

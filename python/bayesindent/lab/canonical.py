@@ -17,7 +17,9 @@ from .columns import (
     ANGLES,
     BY_NAME,
     DIRECTIONS,
+    HARDNESS,
     KINDS,
+    LENGTHS,
     MODULI,
     NAME_COLUMNS,
     RADIANS,
@@ -27,7 +29,9 @@ from .columns import (
     abridged,
     hint_of,
     listed,
+    meaning_of,
     nearest_to,
+    split_deviation,
     split_name,
     stated_columns,
 )
@@ -92,8 +96,12 @@ def canonical_table(
     drop_texts(table)
     is_own = found.text.startswith(MARK)
     radians = stated("angles") == "radians" and not is_own
-    check_units(table, radians)
+    factors = factors_of_units(table, radians)
     clean(table)
+    for j, factor in factors.items():
+        table.cells[j] = [
+            cell if is_missing(cell) else repr(value_of(cell) * factor) for cell in table.cells[j]
+        ]
     shared = stated("shared_errors")
     file = Path(facts["folder"]) / (shared or "")
     errors = shared_of_file(file) if shared else {}
@@ -124,7 +132,6 @@ def canonical_table(
             table.note(f"the column {name} is not read{hint}")
     if radians:
         convert_radians(table)
-    convert_depths(table)
     if not table.notes and not indented and has_plain_text(table, found):
         return Canonical(table, found.text)
     return Canonical(table, page_of(table, source, stated("modulus_kind")), indented)
@@ -132,37 +139,53 @@ def canonical_table(
 
 def resolve(table: LaboratoryTable, given: Mapping[str, str], kind: str | None) -> None:
     """Let each meaning have one column: the one that the user names, the one of the exact name, or
-    the only one.
+    the only one. An sd is that of the modulus which its header names, or else of the column before
+    it.
     """
     names, meanings = table.names, table.meanings
     table.stated = {*given}
     for j, name in enumerate(names):
-        if name in given:
-            meanings[j] = given[name]
-    for meaning in {*meanings} - {""}:
-        columns = [j for j, own in enumerate(meanings) if own == meaning]
-        ranks = [
-            (names[j] in given, names[j] == meaning, names[j].lower() == meaning.lower())
-            for j in columns
-        ]
-        chosen = [j for j, rank in zip(columns, ranks) if rank == max(ranks)]
-        if len(chosen) > 1:
-            if names[chosen[0]] == names[chosen[1]]:
-                raise InputError(
-                    f"line {table.header_line}: the column {names[chosen[0]]} is there twice"
-                )
-            raise InputError(
-                f"the columns {names[chosen[0]]} and {names[chosen[1]]} are both {meaning}; "
-                f"one of them is allowed, or one that is named {meaning}"
-            )
-        for j in columns:
-            meanings[j] = meaning if j in chosen else ""
-    if "other_probability" in meanings:
-        raise InputError(
-            f"the column {names[table.column('other_probability')]} is not allowed; leave "
-            "out the rows with other_probability above 0.05, and the columns other_*"
-        )
+        meanings[j] = given.get(name, meanings[j])
+    for meaning in {*meanings} - {"", "sd_gpa"}:
+        choose_column(table, meaning)
+    kinds = [meaning_of(name) for name in names]
     choose_modulus(table, kind)
+    modulus = table.column(*MODULI)
+    others = {*kinds} - {"", kinds[modulus]}
+    for j, name in enumerate(names):
+        if meanings[j] == "sd_gpa" and split_deviation(name)[1] in others and name not in given:
+            meanings[j] = ""
+    choose_column(table, "sd_gpa", modulus + 1)
+    sd = table.column("sd_gpa")
+    is_stated = sd < 1 or names[sd].lower() == "sd_gpa" or names[sd] in given
+    if is_stated or split_deviation(names[sd])[1] or sd - 1 == modulus:
+        return
+    if HARDNESS.fullmatch(names[sd - 1]) or (kinds[sd - 1] in MODULI and not meanings[sd - 1]):
+        raise InputError(
+            f"line {table.header_line}: the column {names[sd]} follows {names[sd - 1]} and may be "
+            "of that; name it sd_gpa if it is the sd of the modulus"
+        )
+
+
+def choose_column(table: LaboratoryTable, meaning: str, preferred: int = -1) -> None:
+    """Let one column have a meaning; of several with the same header the `preferred` one."""
+    names, ranks = table.names, {}
+    for j, own in enumerate(table.meanings):
+        if own == meaning:
+            is_name = names[j] == meaning, names[j].lower() == meaning.lower()
+            ranks[j] = (names[j] in table.stated, *is_name)
+    chosen = [j for j, rank in ranks.items() if rank == max(ranks.values())]
+    if len({names[j] for j in chosen}) > 1:
+        raise InputError(
+            f"the columns {names[chosen[0]]} and {names[chosen[1]]} are both {meaning}; "
+            f"one of them is allowed, or one that is named {meaning}"
+        )
+    if preferred in chosen:
+        chosen = [preferred]
+    if len(chosen) > 1:
+        raise InputError(f"line {table.header_line}: the column {names[chosen[0]]} is there twice")
+    for j in ranks.keys() - chosen:
+        table.meanings[j] = ""
 
 
 def drop_texts(table: LaboratoryTable) -> None:
@@ -227,8 +250,11 @@ def add_ratio(table: LaboratoryTable, ratios: list[str]) -> None:
         table.note(f"sample_nu = {abridged(dict.fromkeys(table.cells[j]))}")
 
 
-def check_units(table: LaboratoryTable, radians: bool) -> None:
-    """Refuse units that a column cannot have: those of its header and of the row of units."""
+def factors_of_units(table: LaboratoryTable, radians: bool) -> dict[int, float]:
+    """The factors to um of columns of lengths. Refuse units that a column cannot have, in its
+    header or in the row of units.
+    """
+    factors = {}
     for j, (name, meaning) in enumerate(zip(table.names, table.meanings)):
         if meaning not in BY_NAME:
             continue
@@ -239,12 +265,15 @@ def check_units(table: LaboratoryTable, radians: bool) -> None:
                     f"column {name} is in radians; degrees are needed, or angles = 'radians'"
                 )
             if unit in units or (unit == "%" and meaning == "sd_gpa"):
+                if units is LENGTHS and LENGTHS[unit] != 1.0:
+                    factors[j] = LENGTHS[unit]
                 continue
             # In a header that the user names, other words in brackets are no unit.
             if name in table.stated and unit not in UNIT_WORDS:
                 continue
             allowed = f"allowed {' '.join(units)}" if units else "this column has none"
             raise InputError(f"column {name}: the unit {unit} is not read; {allowed}")
+    return factors
 
 
 def check_orientations(table: LaboratoryTable, facts: Mapping[str, Any]) -> None:
@@ -359,21 +388,6 @@ def convert_radians(table: LaboratoryTable) -> None:
             )
         degrees = values.clip(upper=most) / (math.pi / 180.0)
         table.cells[j] = list(map(repr, degrees.tolist()))
-
-
-def convert_depths(table: LaboratoryTable) -> None:
-    """Convert depths in nm to um; depths in um take precedence."""
-    nanometres, micrometres = table.column("depth_nm"), table.column("depth_um")
-    if nanometres < 0:
-        return
-    own = table.cells[micrometres] if micrometres >= 0 else [""] * len(table.cells)
-    table.add_column(
-        "depth_um",
-        [
-            um if not is_missing(um) else "" if is_missing(nm) else repr(1e-3 * value_of(nm))
-            for um, nm in zip(own, table.cells[nanometres])
-        ],
-    )
 
 
 def has_plain_text(table: LaboratoryTable, found: Rows) -> bool:

@@ -15,7 +15,6 @@ from .cells import (
     value_of,
 )
 from .columns import ANGLES, DIRECTIONS, MODULI, NAME_COLUMNS, abridged
-from .header import HARDNESS
 from .table import LaboratoryTable
 
 #: Names of rows of statistics begin with a name of a mean ("Mittelwert"), of a spread ("Std. Dev.")
@@ -36,10 +35,6 @@ RELATIVE = re.compile(
 )
 #: A sign of per cent, such as "Er sd (%)"; the one of "95 %" is a confidence level and no share.
 SHARE = re.compile(r"(?<![\d ])(?<!\d )%|percent|(?<=[^\d] )%", re.I)
-#: Headers of an sd that may be that of the hardness to its left, such as "Std (GPa)".
-ANY_SD = re.compile(
-    r"(sd|std|st\w*\.? ?(dev\w*|error)|err\w*|unc\w*|se|sem|sigma|±)\.?\s*([\[(/].*)?", re.I
-)
 
 
 def clean(table: LaboratoryTable) -> None:
@@ -165,12 +160,6 @@ def split_sds(table: LaboratoryTable) -> None:
     an sd of `5 %` of the modulus to GPa.
     """
     modulus, sd = table.column(*MODULI), table.column("sd_gpa")
-    if sd > 0 and ANY_SD.fullmatch(table.names[sd]) and HARDNESS.fullmatch(table.names[sd - 1]):
-        raise InputError(
-            f"line {table.header_line}: the column "
-            f"{table.names[sd]} follows {table.names[sd - 1]} and may be of "
-            "that; name it sd_gpa if it is the sd of the modulus"
-        )
     dressed = dressed_columns(table)
     if modulus in dressed and sd < 0:
         split_plus_minus(table, modulus)

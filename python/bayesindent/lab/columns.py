@@ -1,7 +1,7 @@
 """Names of columns as laboratories write them, with their units."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 
@@ -9,7 +9,8 @@ from ..core import InputError
 
 #: Units of angles in degrees, and in radians.
 DEGREES, RADIANS = ("deg", "degrees", "degree", "°"), ("rad", "radians")
-MICROMETRES = ("um", "µm", "μm")
+#: Units of lengths, and what they are in um.
+LENGTHS = {"um": 1.0, "µm": 1.0, "μm": 1.0, "nm": 1e-3, "mm": 1e3}
 ANGLES = ("phi1_deg", "Phi_deg", "phi2_deg")
 #: Kinds of modulus; the column of a kind is named '<kind>_gpa'.
 KINDS = ("indentation_modulus", "effective_modulus", "sample_modulus")
@@ -30,7 +31,7 @@ class Column:
 
     name: str
     others: str = ""
-    units: Sequence[str] = ()
+    units: Collection[str] = ()
 
 
 #: An earlier column takes a name that several have.
@@ -42,7 +43,7 @@ COLUMNS = (
     Column("indentation_modulus_gpa", "indentation_modulus plane_strain_modulus m", ["gpa"]),
     Column(
         "effective_modulus_gpa",
-        "effective_modulus reduced_modulus er e_r eeff e_eff ereduced e_reduced",
+        "effective_modulus reduced_modulus er e_r eeff e_eff ereduced e_reduced modulusred",
         ["gpa"],
     ),
     Column(
@@ -51,22 +52,20 @@ COLUMNS = (
         "modulus_over_defined_range e_over_defined_range",
         ["gpa"],
     ),
-    Column("sample_nu", "poissons_ratio poisson_ratio nu nu_s ν ν_s", ["-"]),
+    Column("sample_nu", "poissons_ratio poisson_ratio nu nu_s ns ν ν_s", ["-"]),
     Column(
         "sd_gpa",
         "sd std stdev st_dev std_dev stddev standard_deviation sigma error err "
-        "uncertainty standard_error std_error std_err se sem ± der deit",
+        "uncertainty standard_error std_error std_err se sem ±",
         ["gpa"],
     ),
     Column("orientation_sd_deg", "orientation_sd", DEGREES),
-    Column("other_probability", "other_phi1 other_phi other_phi2", DEGREES),
-    Column("depth_um", "depth", MICROMETRES),
-    Column("depth_nm", "depth", ["nm"]),
-    Column("contact_radius_um", "", MICROMETRES),
+    Column("depth_um", "depth", LENGTHS),
+    Column("contact_radius_um", "", LENGTHS),
     Column("zero_sd_nm", "", ["nm"]),
-    Column("grain_radius_um", "", MICROMETRES),
-    Column("x_um", "x", MICROMETRES),
-    Column("y_um", "y", MICROMETRES),
+    Column("grain_radius_um", "", LENGTHS),
+    Column("x_um", "x x_test_position", LENGTHS),
+    Column("y_um", "y y_test_position", LENGTHS),
     Column("group"),
     Column("grain", "grain_id grain_number grain_no"),
     Column("test", "test_id test_number"),
@@ -81,13 +80,14 @@ UNIT_WORDS = {*DEGREES, *RADIANS, "gpa", "mpa", "kpa", "pa", "um", "nm", "mm", "
 SHARED = re.compile(r"shared_\d+")
 #: Names of a standard deviation of single tests. A standard error, an error and an uncertainty are
 #: those of the value itself, and so is the canonical `sd_gpa`.
-DEVIATIONS = {
-    *("sd", "std", "stdev", "st_dev", "std_dev", "stddev", "standard_deviation", "sigma"),
-    *("der", "deit"),
-}
-#: Fischer's name of the plane strain modulus, and depths over which NanoSuite takes means.
+DEVIATIONS = {"sd", "std", "stdev", "st_dev", "std_dev", "stddev", "standard_deviation", "sigma"}
+#: Headers of a hardness, such as "H (GPa)".
+HARDNESS = re.compile(r"(h|h_?it|.*hardness)\s*([\[(/].*)?", re.I)
+#: Fischer's name of the plane strain modulus, depths over which NanoSuite takes means, and Anton
+#: Paar's mark of Oliver and Pharr's method.
 PLANE_STRAIN = re.compile(r"e_?it ?/ ?\(1 ?- ?[vν]_?s?_?\^?2_?s?\)")
 DEPTHS = re.compile(r"\[\d+ ?- ?\d+ ?nm\]")
+METHOD = re.compile(r" ?\(o ?& ?p\)")
 #: Names of columns that a message lists at most.
 MOST_NAMES = 30
 #: Shorter headers are near to every name.
@@ -98,7 +98,7 @@ def split_name(header: str) -> tuple[str, str]:
     """Word and unit of a header: 'reduced_modulus' and 'gpa' of 'Reduced modulus (GPa)',
     'reduced-modulus / GPa' or 'reduced_modulus_GPa'.
     """
-    word, unit = PLANE_STRAIN.sub("plane_strain_modulus", header.lower()), ""
+    word, unit = PLANE_STRAIN.sub("plane_strain_modulus", METHOD.sub("", header.lower())), ""
     word = DEPTHS.sub("over_defined_range", word)
     if found := re.search(r"[(\[/](?!.*[(\[/])", word):
         word, unit = word[: found.start()].rstrip(), word[found.end() :]
@@ -111,15 +111,18 @@ def split_name(header: str) -> tuple[str, str]:
     return (before, last) if before and not unit and last in UNIT_WORDS else (word, unit)
 
 
-def deviation_word(header: str) -> str:
-    """The word of a header without the name of a modulus before or after it: 'sd' of 'Er sd (GPa)'
-    and of 'SD Er (GPa)'.
+def split_deviation(header: str) -> tuple[str, str]:
+    """The word of a header of an sd, and the column of the modulus that it names: 'sd' and
+    'effective_modulus_gpa' of 'Er sd (GPa)', 'SD Er (GPa)' or 'DEr'.
     """
     word = split_name(header)[0]
-    for name in (name for kind in MODULI for name in BY_NAME[kind].others.split()):
-        if word.startswith(f"{name}_") or word.endswith(f"_{name}"):
-            return word.removeprefix(f"{name}_").removesuffix(f"_{name}")
-    return word
+    for kind in MODULI:
+        for name in BY_NAME[kind].others.split():
+            if word in ("der", "deit") and word == f"d{name}":
+                return "sd", kind
+            if word.startswith(f"{name}_") or word.endswith(f"_{name}"):
+                return word.removeprefix(f"{name}_").removesuffix(f"_{name}"), kind
+    return word, ""
 
 
 def meaning_of(header: str) -> str:
@@ -128,8 +131,11 @@ def meaning_of(header: str) -> str:
     lowered, (word, unit) = header.lower(), split_name(header)
     if lowered in DIRECTIONS or SHARED.fullmatch(lowered):
         return lowered
+    # The exponent of the unloading is m.
+    if word == "m" and header[0] == "m":
+        return ""
     for column in COLUMNS:
-        named = deviation_word(header) if column.name == "sd_gpa" else word
+        named = split_deviation(header)[0] if column.name == "sd_gpa" else word
         if lowered == column.name.lower() or (
             named in column.others.split() and (word != "depth" or unit in column.units)
         ):

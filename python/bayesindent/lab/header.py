@@ -7,14 +7,12 @@ import pandas as pd
 
 from ..core import InputError
 from .cells import is_number
-from .columns import meaning_of
+from .columns import HARDNESS, meaning_of
 from .reading import Rows, header_row
 from .table import LaboratoryTable
 
 #: A cell of a row of units, such as "[GPa]".
 UNIT = re.compile(r"[\[(]?(deg|degrees?|°|rad|radians|[GMk]?Pa|um|µm|μm|nm|mm|m?N|%|-)[\])]?", re.I)
-#: Headers of a hardness, such as "H (GPa)".
-HARDNESS = re.compile(r"(h|h_?it|.*hardness)\s*([\[(/].*)?", re.I)
 
 
 def table_of_rows(found: Rows, stated: Iterable[str]) -> LaboratoryTable:

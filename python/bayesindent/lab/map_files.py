@@ -7,7 +7,7 @@ angles of a .ctf refer to the primary axes of the sample (CS0), those of a .h5oi
 """
 
 import re
-from contextlib import redirect_stdout
+from configparser import ConfigParser
 from dataclasses import dataclass, field
 from io import StringIO
 from pathlib import Path
@@ -56,17 +56,12 @@ class MapPoints:
 def load_map(path: Path) -> MapPoints:
     """The points of the map in a file."""
     ending = path.suffix.lower()
-    if ending in (".oh5", ".osc", ".cpr", ".crc"):
-        raise InputError(
-            f"maps {ending} are not read; export the map as .ang or .ctf, or as .h5oina"
-        )
+    if ending in (".oh5", ".osc"):
+        raise InputError(f"maps {ending} are not read; export the map as .ang")
     reader_of(path, "an orientation map", "orix.io")
-    # orix prints the names of the phases.
-    with (
-        reading(f"is no map {ending} that can be read; export it again"),
-        redirect_stdout(StringIO()),
-    ):
+    with reading(f"is no map {ending} that can be read; export it again"):
         readers = {".ang": edax_text, ".ctf": channel_text, ".h5oina": oxford_map}
+        readers |= dict.fromkeys((".cpr", ".crc"), oxford_binary)
         return readers.get(ending, orix_map)(path)
 
 
@@ -79,8 +74,12 @@ def orix_map(path: Path) -> MapPoints:
     best = loaded.rotations[:, 0] if loaded.rotations.ndim > 1 else loaded.rotations
     with h5py.File(path) as file:
         maker = np.ravel(file.get("manufacturer", [""]))[0]
+    y = loaded.y
+    if "YSAMPLE" in loaded.prop:
+        # orix sorts the points of Bruker by rows, but not y.
+        y = loaded.prop["YSAMPLE"] - np.min(loaded.prop["YSAMPLE"])
     return MapPoints(
-        np.column_stack([loaded.x, loaded.y]),
+        np.column_stack([loaded.x, y]),
         rotations_of(best),
         loaded.phase_id,
         {number: phase for number, phase in loaded.phases if number >= 0},
@@ -124,23 +123,54 @@ def channel_text(path: Path) -> MapPoints:
         cell = f"{lengths};{angles}".split(";")
         phases[number] = phase_of(name, LAUE.split()[int(laue)], cell)
     rotations = bunge(np.radians([columns[f"Euler{k}"] for k in (1, 2, 3)]).T)
-    warnings = []
     surface = [float(angle) for angle in re.findall(r"^AcqE\d\s+(\S+)", header, re.M)]
-    if np.sin(np.radians(surface[1:2])).round(6).any():
-        frame = re.search(r"^Euler angles refer to .*\((CS[01])\)", header, re.M)
-        words = f"the header has the acquisition surface AcqE1-3 = {surface} degrees"
-        if not frame:
-            raise InputError(
-                f"{words}, and states neither CS0 nor CS1 for the angles; export the map as "
-                ".h5oina, whose angles refer to the surface"
-            )
-        if frame[1] == "CS0":
-            rotations *= Rotation.from_euler("ZXZ", surface, degrees=True)
-            applied = f"{words}; the angles are turned from CS0 to this surface"
-            warnings = [("surface_turned", applied)]
+    frame = re.search(r"^Euler angles refer to .*\((CS[01])\)", header, re.M)
+    turn, warnings = turn_to_surface(surface, frame[1] if frame else "")
     positions = np.column_stack([columns["X"], columns["Y"]])
     phase = columns["Phase"].astype(int)
-    return MapPoints(positions, rotations, phase, phases, warnings=warnings)
+    return MapPoints(positions, rotations * turn, phase, phases, warnings=warnings)
+
+
+def turn_to_surface(surface: list[float], frame: str) -> tuple[Rotation, list[tuple[str, str]]]:
+    """The rotation from the acquisition surface, whose Bunge angles in CS0 are `surface` in
+    degrees, to the `frame` of a map's angles, CS0 or CS1, and warnings. A turn about the normal of
+    the surface leaves the indented direction.
+    """
+    if frame == "CS1" or not np.sin(np.radians(surface[1:2])).round(6).any():
+        return Rotation.identity(), []
+    words = f"the header has the acquisition surface AcqE1-3 = {surface} degrees"
+    if not frame:
+        raise InputError(
+            f"{words}, and states neither CS0 nor CS1 for the angles; export the map as "
+            ".h5oina, whose angles refer to the surface"
+        )
+    applied = f"{words}; the angles are turned from CS0 to this surface"
+    return Rotation.from_euler("ZXZ", surface, degrees=True), [("surface_turned", applied)]
+
+
+def oxford_binary(path: Path) -> MapPoints:
+    """The map of two files: .cpr with facts, and .crc, where each point has the number of its
+    phase, 0 if it is not indexed, and the fields that .cpr lists: bytes those from 7 to 11, others
+    single precision.
+    """
+    facts = ConfigParser(delimiters="=", allow_no_value=True, strict=False, interpolation=None)
+    facts.read_string(text_of(path.with_suffix(".cpr")))
+    fields = [facts["Fields"][f"Field{k}"] for k in range(1, 1 + int(facts["Fields"]["Count"]))]
+    kinds = [(field, "u1" if 7 <= int(field) <= 11 else "<f4") for field in fields]
+    points = np.fromfile(path.with_suffix(".crc"), [("phase", "u1"), *kinds])
+    job, phases = facts["Job"], {}
+    for number in range(1, 1 + int(facts["Phases"]["Count"])):
+        phase = facts[f"Phase{number}"]
+        cell = [phase[name] for name in ("a", "b", "c", "alpha", "beta", "gamma")]
+        phases[number] = phase_of(
+            phase["StructureName"], LAUE.split()[int(phase["LaueGroup"])], cell
+        )
+    row, column = np.divmod(np.arange(len(points)), int(job["xCells"]))
+    positions = np.column_stack([column * float(job["GridDistX"]), row * float(job["GridDistY"])])
+    surface = facts["Acquisition Surface"]
+    turn_to_surface([float(surface[f"Euler{k}"]) for k in (1, 2, 3)], "")
+    euler = np.column_stack([points[field] for field in "345"])
+    return MapPoints(positions, bunge(euler), points["phase"].astype(int), phases)
 
 
 def edax_text(path: Path) -> MapPoints:
@@ -159,7 +189,8 @@ def edax_text(path: Path) -> MapPoints:
     }
     columns = numbers(text)
     euler, index, phase = columns[:3].T, columns[6], columns[7].astype(int)
-    if len(phases) == 1:
+    # A single phase has the number 0, unless this means no solution.
+    if len(phases) == 1 and not np.isin(phase, [*phases]).any():
         phase[:] = [*phases]
     elif not phases or (columns[7] % 1).any():
         raise ValueError

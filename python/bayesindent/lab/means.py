@@ -7,7 +7,7 @@ import pandas as pd
 
 from ..core import InputError
 from .cells import plain_numbers, value_of
-from .columns import DEVIATIONS, MODULI, deviation_word
+from .columns import DEVIATIONS, MODULI, split_deviation
 from .table import LaboratoryTable, lines_in_words
 
 #: Headers of a number of tests, such as "No. of indents".
@@ -32,7 +32,7 @@ def standard_errors(table: LaboratoryTable) -> None:
 
 def is_deviation(header: str) -> bool:
     """Whether a header is that of a standard deviation of single tests, in GPa or in per cent."""
-    word = re.sub(r"^rel\w*?_|_percent$", "", deviation_word(header))
+    word = re.sub(r"^rel\w*?_|_percent$", "", split_deviation(header)[0])
     return header != "sd_gpa" and (word in DEVIATIONS or bool(re.fullmatch(r"%_?|rsd|co?v", word)))
 
 

@@ -2,8 +2,10 @@
 
 import warnings
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, redirect_stdout
 from importlib import import_module
+from importlib.util import find_spec
+from io import StringIO
 from pathlib import Path
 from types import ModuleType
 
@@ -17,13 +19,17 @@ def reader_of(path: Path, kind: str, module: str, otherwise: str = "") -> Module
     other than the installation.
     """
     package = module.partition(".")[0]
-    try:
-        import_module(package)
-        found = import_module(module)
-    except ImportError:
+    if not find_spec(package):
         raise InputError(
             f"reading {kind} needs {package}, which is not installed: "
             f"{installation(package)}{otherwise}"
+        )
+    try:
+        found = import_module(module)
+    except Exception as error:
+        raise InputError(
+            f"reading {kind} needs {package}, which is installed but cannot be imported "
+            f"({type(error).__name__}: {error})"
         ) from None
     if not path.is_file():
         raise InputError("the file does not exist")
@@ -36,7 +42,7 @@ def reading(words: str) -> Iterator[None]:
     reader's own warnings and output.
     """
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), redirect_stdout(StringIO()):
             warnings.simplefilter("ignore")
             yield
     except InputError:
