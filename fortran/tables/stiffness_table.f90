@@ -165,8 +165,8 @@ contains
             call read_real(trim(words(i)), entries(i), outcome)
          end do
          mirrored = [((6*(j - 1) + i, j=1, 6), i=1, 6)]
-         i = findloc(abs(entries - entries(mirrored)) > tolerance*maxval(abs(entries)), .true., dim=1)
-         if (i > 0) then
+         i = maxloc(abs(entries - entries(mirrored)), dim=1)
+         if (abs(entries(i) - entries(mirrored(i))) > tolerance*maxval(abs(entries))) then
             call refuse(error, 'the matrix is not symmetric: '//entry(i)//', but ' &
                & //entry(mirrored(i)))
             return

@@ -146,6 +146,9 @@ def test_a_modulus_of_more_than_5_percent_error_is_refused(bayesindent, tmp_path
     assert (done.returncode, document["failed"]) == (0, 1), done.stderr
     assert document["results"][0]["indentation_modulus_gpa"] > 100
     assert document["results"][1]["indentation_modulus_gpa"] is None
+    assert document["results"][1]["depth_um"] == []
+    curves = (tmp_path / "out" / "curves.csv").read_text().splitlines()
+    assert {line.partition(",")[0] for line in curves} == {"point", "1"}
     failed, error = document["warnings"]
     assert (failed["code"], failed["subject"]) == (
         "simulation_failed",
