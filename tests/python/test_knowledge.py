@@ -264,7 +264,7 @@ def test_angles_in_radians():
     with pytest.raises(bi.InputError, match="no angle is above 2 pi.*angles = 'radians'"):
         Posterior.of(radians, **settings)
     with pytest.raises(
-        bi.InputError, match=r"column Phi_deg: 10.0 radians; allowed 0.0 to 3.14159"
+        bi.InputError, match=r"column Phi_deg: 572.95\d+ degrees; allowed 0.0 to 180.0"
     ):
         Posterior.of(table, angles="radians", **settings)
     # Whole numbers of degrees near the axis, and two grains, are no proof.

@@ -120,7 +120,7 @@ def test_three_points_leave_the_error_unknown(tmp_path):
         ),
         ("x,y,u,v\n0,0,1,1\n5,5,6,6\n9,2,10,3\n", "no CSV of numbers in the columns x_um"),
         ("", "no CSV of numbers in the columns x_um"),
-        (None, "f: &measurements ebsd_points: .*points.csv: No such file"),
+        (None, "f: &measurements ebsd_points: .*points.csv: is no CSV .*FileNotFound"),
     ],
 )
 def test_points_that_are_none(tmp_path, text, words):

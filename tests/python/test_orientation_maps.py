@@ -135,12 +135,10 @@ def test_columns_of_the_user_go_before(tmp_path):
     assert measured(path, [(6.0, 5.0)], **{"Grain ID": ["c"]}).measurements.names == ["c"]
     with pytest.raises(
         bi.InputError,
-        match="map.h5: the column Euler1 states the orientation too; one of them is allowed",
+        match="map.h5: the column phi1_deg states the orientation too; one of them is allowed",
     ):
         measured(path, [(6.0, 5.0)], Euler1=[10.0])
-    with pytest.raises(
-        bi.InputError, match="orientations are stated twice, by angles and by u, v, .."
-    ):
+    with pytest.raises(bi.InputError, match="the column u states the orientation too"):
         measured(path, [(6.0, 5.0)], u=[1], v=[1], w=[2])
 
 
@@ -183,7 +181,7 @@ def test_noise_is_no_boundary(tmp_path):
             r"row 2: \(80, 2\) um is 65.5 um from the next indexed point; the map is from \(0, "
             r"0\) to \(14.5, 9.5\)",
         ),
-        ([(2.0, np.nan)], {}, "line 1, column y_um: the cell is empty; a number is needed"),
+        ([(2.0, np.nan)], {}, "line 1: x_um or y_um is empty; numbers are needed"),
     ],
 )
 def test_refusals(tmp_path, positions, further, words):

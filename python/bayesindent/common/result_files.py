@@ -84,14 +84,12 @@ def write_groups(path: Path, groups: dict[str, tuple[dict, dict]]) -> None:
         for name, (variables, facts) in groups.items():
             group = file.create_group(name)
             group.attrs.update(facts)
+            group.dimensions = {
+                axis: size
+                for axes, values, *_ in variables.values()
+                for axis, size in zip(axes, values.shape)
+            }
             for label, (axes, values, *attributes) in variables.items():
-                group.dimensions.update(
-                    {
-                        axis: size
-                        for axis, size in zip(axes, values.shape)
-                        if axis not in group.dimensions
-                    }
-                )
                 group.create_variable(label, axes, data=values).attrs.update(*attributes)
     with whole_file(path) as beside:
         beside.write_bytes(content.getvalue())

@@ -151,11 +151,8 @@ def oriented_crystals(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[np.nd
             f"a stiffness has the shape (6, 6), not {matrices.shape}; bi.stiffness makes it "
             "from constants"
         )
-    transposed = np.swapaxes(matrices, -1, -2)
-    if np.any(
-        np.abs(matrices - transposed)
-        > SYMMETRIC * np.abs(matrices).max(axis=(-2, -1), keepdims=True, initial=0.0)
-    ):
+    most = SYMMETRIC * np.abs(matrices).max(initial=0.0)
+    if not np.allclose(matrices, np.swapaxes(matrices, -1, -2), 0, most, equal_nan=True):
         raise InputError("a stiffness is not symmetric")
     return matrices, angles
 
@@ -176,11 +173,10 @@ def crystal_rows(
     and the shape to which they broadcast.
     """
     matrices, angles = oriented_crystals(stiffness, euler_deg)
-    shapes = {
-        "crystals": matrices.shape[:-2],
-        "angles": angles.shape[:-1],
-        **{name: np.shape(values) for name, values in numbers.items()},
-    }
+    arrays = {"crystals": (matrices, (6, 6)), "angles": (angles, (3,))}
+    for name, values in numbers.items():
+        arrays[name] = np.asarray(values, dtype=float)[..., None], (1,)
+    shapes = {name: array.shape[: array.ndim - len(cell)] for name, (array, cell) in arrays.items()}
     try:
         shape = np.broadcast_shapes(*shapes.values())
     except ValueError:
@@ -189,15 +185,8 @@ def crystal_rows(
         ) from None
     if 0 in shape:
         raise InputError("there are no crystals")
-    rows = {
-        name: np.broadcast_to(np.asarray(values, dtype=float), shape).reshape(-1, 1)
-        for name, values in numbers.items()
-    }
-    return {
-        "stiffness": np.broadcast_to(matrices, (*shape, 6, 6)).reshape(-1, 6, 6),
-        "euler_deg": np.broadcast_to(angles, (*shape, 3)).reshape(-1, 3),
-        **rows,
-    }, shape
+    rows = (np.broadcast_to(x, shape + cell).reshape(-1, *cell) for x, cell in arrays.values())
+    return dict(zip(("stiffness", "euler_deg", *numbers), rows)), shape
 
 
 def halfspace_modulus(

@@ -1,6 +1,5 @@
 """The canonical table of measurements: exact names, GPa, degrees, a row a grain or a test."""
 
-import csv
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -8,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from ..common.result_files import as_csv
 from ..core import InputError, located
@@ -38,7 +38,8 @@ from .columns import (
 from .header import table_of_rows
 from .joining import add_orientations_of_file
 from .means import standard_errors
-from .reading import MOST_ROWS, Rows, rows_of_columns, rows_of_file
+from .other_files import reading
+from .reading import MOST_ROWS, rows_of_columns, rows_of_file
 from .table import LaboratoryTable
 
 if TYPE_CHECKING:
@@ -94,8 +95,7 @@ def canonical_table(
         raise InputError("the table is empty: no row follows the header")
     resolve(table, stated_columns(columns, table.names), stated("modulus_kind"))
     drop_texts(table)
-    is_own = found.text.startswith(MARK)
-    radians = stated("angles") == "radians" and not is_own
+    radians = stated("angles") == "radians" and not found.text.startswith(MARK)
     factors = factors_of_units(table, radians)
     clean(table)
     for j, factor in factors.items():
@@ -132,8 +132,6 @@ def canonical_table(
             table.note(f"the column {name} is not read{hint}")
     if radians:
         convert_radians(table)
-    if not table.notes and not indented and has_plain_text(table, found):
-        return Canonical(table, found.text)
     return Canonical(table, page_of(table, source, stated("modulus_kind")), indented)
 
 
@@ -304,21 +302,19 @@ def add_orientations(
     # The packages that read maps take time to import.
     from .orientation_maps import indented_map, registered
 
-    stage = []
     for name in ("x_um", "y_um"):
         if name not in table.meanings:
             raise missing_column(table, name)
-        cells = table.cells[table.column(name)]
-        for line in cells.index[cells.map(is_missing)]:
-            raise InputError(f"line {line}, column {name}: the cell is empty; a number is needed")
-        stage.append(cells.map(value_of))
+    stage = table.cells[[table.column("x_um"), table.column("y_um")]]
+    for line in stage.index[stage.map(is_missing).any(axis=1)]:
+        raise InputError(f"line {line}: x_um or y_um is empty; numbers are needed")
     contact = np.zeros(len(table.cells))
     if (j := table.column("contact_radius_um")) >= 0:
         contact = table.cells[j].map(lambda cell: 0.0 if is_missing(cell) else value_of(cell))
     folder = Path(facts["folder"])
     ebsd, points = facts["measurements.ebsd"], facts.get("measurements.ebsd_points")
     warnings: list[tuple] = []
-    at, sd = np.column_stack(stage), np.zeros(len(table.cells))
+    at, sd = stage.map(value_of).to_numpy(float), np.zeros(len(stage))
     if points:
         with located(origin, "measurements", "ebsd_points"), located(points):
             at, sd, warnings = registered(folder / points, at)
@@ -328,10 +324,7 @@ def add_orientations(
             at,
             sd,
             np.asarray(contact),
-            [
-                own if name in table.stated else name
-                for name, own in zip(table.names, table.meanings)
-            ],
+            table.meanings,
             facts.get("problem.symmetry"),
             facts.get("measurements.crystal_axes"),
         )
@@ -344,17 +337,11 @@ def add_orientations(
 
 def shared_of_file(path: Path) -> dict[str, list[str]]:
     """The columns of a file of `&measurements shared_errors`, as shared_1, shared_2, .."""
-    begin = f"shared_errors: {path}: "
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{begin}{getattr(error, 'strerror', 'is no text')}") from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    names, *rows = stripped(lines) or [[]]
-    if any(len(row) != len(names) for row in rows):
-        raise InputError(f"{begin}a row has not as many cells as the header, {len(names)}")
-    columns = [list(cells) for name, *cells in zip(names, *rows) if name != "grain"]
-    return {f"shared_{j}": cells for j, cells in enumerate(columns, 1)}
+    with located(f"shared_errors: {path}"), reading("is no table of shared errors"):
+        found = pd.read_csv(
+            path, dtype=str, comment="#", skipinitialspace=True, na_filter=False
+        ).drop(columns="grain", errors="ignore")
+    return {f"shared_{j}": list(found[name]) for j, name in enumerate(found, 1)}
 
 
 def add_shared_errors(
@@ -376,31 +363,11 @@ def add_shared_errors(
 
 def convert_radians(table: LaboratoryTable) -> None:
     """Convert the angles to degrees; half a turn may be rounded up."""
-    for name in ANGLES:
-        if (j := table.column(name)) < 0:
-            continue
-        values = table.cells[j].map(value_of)
-        least, most = (0.0, math.pi) if name == "Phi_deg" else (-200 * math.pi, 200 * math.pi)
-        for line, value in values[~values.between(least, most + 1e-4)].items():
-            raise InputError(
-                f"line {line}, column {table.names[j]}: {value} radians; "
-                f"allowed {least:.6} to {most:.6}"
-            )
-        degrees = values.clip(upper=most) / (math.pi / 180.0)
-        table.cells[j] = list(map(repr, degrees.tolist()))
-
-
-def has_plain_text(table: LaboratoryTable, found: Rows) -> bool:
-    """Whether the text of the file is the canonical table as it is."""
-    if table.names != table.meanings or any(table.units):
-        return False
-    lines = [line for line in found.text.splitlines() if line.strip() and line[0] != "#"]
-    return stripped(lines) == [table.names, *table.cells.to_numpy().tolist()]
-
-
-def stripped(lines: list[str]) -> list[list[str]]:
-    """The cells of lines of CSV without blanks around them."""
-    return [list(map(str.strip, row)) for row in csv.reader(lines)]
+    for j, meaning in enumerate(table.meanings):
+        if meaning in ANGLES:
+            degrees = table.cells[j].map(value_of) / (math.pi / 180)
+            degrees[degrees.between(180, 180.01)] = 180.0
+            table.cells[j] = list(map(repr, degrees.tolist()))
 
 
 def page_of(table: LaboratoryTable, source: Path | Mapping, kind: str | None) -> str:
@@ -412,11 +379,10 @@ def page_of(table: LaboratoryTable, source: Path | Mapping, kind: str | None) ->
     comments = [f"{MARK}, made of {name}{sheet}: GPa, degrees, um; row: the line there"]
     comments += [f"# {line.strip()}" for line in table.words(0)[1:2]]
     comments += [f"# {' '.join(note.split())}" for note in table.notes]
-    shared = [meaning for meaning in table.meanings if SHARED.fullmatch(meaning)]
-    columns = {"row": list(map(str, table.cells.index))}
-    for meaning in (*ORDER, *shared):
+    columns = {"row": table.cells.index}
+    for meaning in (*ORDER, *filter(SHARED.fullmatch, table.meanings)):
         if (j := table.column(meaning)) >= 0:
-            cells = table.cells[j].tolist()
-            are_numbers = meaning not in NAME_COLUMNS
-            columns[meaning] = ["" if are_numbers and is_missing(cell) else cell for cell in cells]
-    return "\n".join(comments) + "\n" + as_csv(list(columns), zip(*columns.values()))
+            cells = table.cells[j]
+            are_names = meaning in NAME_COLUMNS
+            columns[meaning] = cells if are_names else cells.mask(cells.map(is_missing), "")
+    return "\n".join(comments) + "\n" + as_csv(columns, zip(*columns.values()))

@@ -21,10 +21,11 @@ MISSING = {*MISSING_TEXTS.split()}
 #: A number with a decimal point and perhaps an exponent, such as "1.05d2".
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?"
 is_plain_number = re.compile(NUMBER).fullmatch
-#: A value with its sd, such as "109.7 ± 3.0 GPa".
-PLUS_MINUS = re.compile(rf"\(?({NUMBER})\s*(?:GPa)?\s*(?:±|\+/-|\+-)\s*({NUMBER})\)?\s*(GPa|%|)$")
-#: A number with its unit, such as "46.3°".
-WITH_UNIT = re.compile(rf"({NUMBER})\s*(°|deg|GPa|nm|um|µm|μm|mN|s|%)$")
+#: A number, perhaps with its sd and a unit, such as "46.3°" or "(109.7 ± 3.0) GPa".
+CELL = re.compile(
+    rf"^\(?({NUMBER})\s*(?:GPa)?\s*(?:(?:±|\+/-|\+-)\s*({NUMBER})\)?)?\s*"
+    r"(°|deg|GPa|nm|um|µm|μm|mN|s|%)?$"
+)
 #: Signs that programs write in place of the usual ones, and invisible signs.
 SIGNS = str.maketrans({"−": "-", "–": "-", "º": "°", "\u200b": None, "\ufeff": None})
 
@@ -36,7 +37,7 @@ def is_missing(cell: str) -> bool:
 
 def is_number(cell: str) -> bool:
     """Whether a cell is a number, perhaps with a unit or an sd."""
-    return bool(is_plain_number(cell) or WITH_UNIT.match(cell) or PLUS_MINUS.match(cell))
+    return bool(CELL.match(cell))
 
 
 def plain_numbers(cells: list[str]) -> bool:
@@ -50,6 +51,12 @@ def plain_numbers(cells: list[str]) -> bool:
 def value_of(number: str) -> float:
     """The value of a number, which may be written as 1d5."""
     return float(number.lower().replace("d", "e"))
+
+
+def number_of(cell: str) -> float:
+    """The number of a cell, without its unit or its sd; NaN if there is none."""
+    found = CELL.match(cell)
+    return value_of(found[1]) if found else float("nan")
 
 
 def tidy(value: Any, decimal_commas: bool) -> str:

@@ -1,29 +1,30 @@
 """Leave out the rows of a table that are no measurements, and make its cells plain numbers."""
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 
 from ..core import InputError
 from .cells import (
-    PLUS_MINUS,
-    WITH_UNIT,
+    CELL,
     is_missing,
     is_number,
     is_plain_number,
+    number_of,
     plain_numbers,
-    value_of,
 )
 from .columns import ANGLES, DIRECTIONS, MODULI, NAME_COLUMNS, abridged
 from .table import LaboratoryTable
 
-#: Names of rows of statistics begin with a name of a mean ("Mittelwert"), of a spread ("Std. Dev.")
-#: or of an extent ("Overall (n = 12)").
-MEAN_NAMES = r"mean|average|avg|median|mittel\w*|moyenne|media|(over)?all"
-SPREAD_NAMES = r"std|st\.? ?dev|stand\w*|stabw|[eé]cart|sd|sem|(% ?)?cov|cv|coefficient|vari\w+"
-EXTENT_NAMES = r"min(imum)?|max(imum)?|count|number|range|sum|total|n"
+#: Names of rows of statistics: of a mean ("Mittelwert"), a spread ("Std. Dev.") or an extent
+#: ("Overall (n = 12)").
 STATISTICS = re.compile(
-    rf"({MEAN_NAMES}|{SPREAD_NAMES}|{EXTENT_NAMES})\b[^0-9]*(\(n ?= ?\d+\))?$", re.I
+    r"(?:(mean|average|avg|median|mittel\w*|moyenne|media|(?:over)?all)"
+    r"|(std|st\.? ?dev|stand\w*|stabw|[eé]cart|sd|sem|(?:% ?)?cov|cv|coefficient|vari\w+)"
+    r"|(min(?:imum)?|max(?:imum)?|count|number|range|sum|total|n))\b[^0-9]*(?:\(n ?= ?\d+\))?$",
+    re.I,
 )
 #: Indices of a direction or a plane in one cell, such as "[1 0 -2]" or "(0001)".
 INDICES = re.compile(r"([\[({<])\s*(-?\d[-\d\s,.;\u0304\u0305]*)[\])}>]$")
@@ -67,13 +68,10 @@ def leave_out_incomplete(table: LaboratoryTable) -> None:
     incomplete: set[int] = set()
     for j, meaning in enumerate(table.meanings):
         if meaning in ("grain", *MODULI, "sd_gpa", *ANGLES, *DIRECTIONS):
-            empty = {
-                line
-                for line, cell in table.cells[j].items()
-                if not cell or (meaning != "grain" and is_missing(cell))
-            }
-            if len(empty) < len(table.cells):
-                incomplete |= empty
+            cells = table.cells[j]
+            empty = cells == "" if meaning == "grain" else cells.map(is_missing)
+            if not empty.all():
+                incomplete |= {*cells.index[empty]}
     table.leave_out(incomplete, "a value is missing")
 
 
@@ -82,28 +80,23 @@ def leave_out_statistics(table: LaboratoryTable) -> None:
     or positions, or their modulus is a statistic of the others, or a blank row is above them. Other
     rows of such a name are grains.
     """
-    rows = list(table.cells.itertuples())
-    first = {line: next(filter(None, row), "") for line, *row in rows}
-    named = [line for line, name in first.items() if STATISTICS.match(name)]
-    if not named:
-        return
+    first = table.cells.where(table.cells != "").bfill(axis=1)[0].fillna("")
+    named = first.map(STATISTICS.match).dropna()
     names = (*ANGLES, *DIRECTIONS, "x_um", "y_um")
     places = [j for j, meaning in enumerate(table.meanings) if meaning in names]
     modulus = table.column(*MODULI)
-    others = table.cells.drop(index=named)
-    moduli = np.array([number_of(cell) for cell in others[modulus]] if modulus >= 0 else [])
-    values = statistics_of(moduli[np.isfinite(moduli)])
+    others = table.cells.drop(index=named.index)
+    values = statistics_of(others[modulus].map(number_of).dropna() if modulus >= 0 else [])
     statistics = []
-    for line in named:
+    for line, match in named.items():
         row = table.cells.loc[line]
         last = max((other for other in others.index if other < line), default=table.header_line)
-        has_place = not places or not any(is_missing(row[j]) for j in places)
-        cell = row[modulus] if modulus >= 0 else ""
         if (
-            not has_place
+            row[places].map(is_missing).any()
             or any(last < blank < line for blank in table.blank)
-            or is_missing(cell)
-            or is_rounded(cell, [v for names, v in values if re.match(names, first[line], re.I)])
+            or modulus < 0
+            or is_missing(row[modulus])
+            or is_rounded(row[modulus], values[match.lastindex - 1])
         ):
             statistics.append(line)
         else:
@@ -114,19 +107,15 @@ def leave_out_statistics(table: LaboratoryTable) -> None:
     table.leave_out(statistics, "statistics of the table")
 
 
-def statistics_of(values: np.ndarray) -> list[tuple[str, float]]:
-    """The statistics that tables have of a column, each with the names of its kind."""
+def statistics_of(values: Sequence[float]) -> tuple[list, list, list]:
+    """The statistics that tables have of a column: means, spreads and extents."""
     n = len(values)
     if not n:
-        return []
-    mean, deviations = values.mean(), [values.std(ddof=k) for k in (0, 1) if n > k]
+        return [], [], []
+    mean, deviations = np.mean(values), [np.std(values, ddof=k) for k in (0, 1) if n > k]
     spreads = [*deviations, *(100 * sd / mean for sd in deviations), deviations[-1] / np.sqrt(n)]
-    extents = [values.min(), values.max(), np.ptp(values), n, values.sum()]
-    return [
-        *((MEAN_NAMES, value) for value in (mean, np.median(values))),
-        *((SPREAD_NAMES, value) for value in spreads),
-        *((EXTENT_NAMES, value) for value in extents),
-    ]
+    extents = [np.min(values), np.max(values), np.ptp(values), n, np.sum(values)]
+    return [mean, np.median(values)], spreads, extents
 
 
 def is_rounded(cell: str, values: list[float]) -> bool:
@@ -134,14 +123,6 @@ def is_rounded(cell: str, values: list[float]) -> bool:
     number, decimals = number_of(cell), re.search(r"\.(\d*)", cell)
     last_place = 10.0 ** -len(decimals[1]) if decimals else 1.0
     return any(abs(number - value) <= 1.001 * last_place for value in values)
-
-
-def number_of(cell: str) -> float:
-    """The number of a cell, without its unit or its sd; NaN if there is none."""
-    if is_plain_number(cell):
-        return value_of(cell)
-    found = WITH_UNIT.match(cell) or PLUS_MINUS.match(cell)
-    return value_of(found[1]) if found else float("nan")
 
 
 def dressed_columns(table: LaboratoryTable) -> list[int]:
@@ -160,15 +141,21 @@ def split_sds(table: LaboratoryTable) -> None:
     an sd of `5 %` of the modulus to GPa.
     """
     modulus, sd = table.column(*MODULI), table.column("sd_gpa")
-    dressed = dressed_columns(table)
-    if modulus in dressed and sd < 0:
-        split_plus_minus(table, modulus)
-    for j in dressed:
-        moduli = table.cells[modulus if modulus >= 0 else j]
-        table.cells[j] = [
-            without_unit(cell, value if j == sd and modulus >= 0 else "")
-            for cell, value in zip(table.cells[j], moduli)
-        ]
+    moduli = table.cells[modulus].map(number_of) if modulus >= 0 else float("nan")
+
+    def in_gpa(percents: pd.Series) -> pd.Series:
+        return (percents.map(number_of, "ignore") / 100 * moduli).map(repr, "ignore")
+
+    for j in dressed_columns(table):
+        found = table.cells[j].str.extract(CELL)
+        numbers, own_sd, is_share = found[0], found[1], found[2] == "%"
+        if j == modulus and sd < 0 and own_sd.notna().any():
+            table.add_column("sd_gpa", own_sd.mask(is_share, in_gpa(own_sd)).fillna("").tolist())
+            table.note(f"column {table.names[j]}: what follows ± is its sd")
+        else:
+            shares = in_gpa(numbers) if j == sd and modulus >= 0 else float("nan")
+            numbers = numbers.mask(is_share, shares).mask(own_sd.notna())
+        table.cells[j] = numbers.fillna(table.cells[j])
     sd = table.column("sd_gpa")
     if sd < 0:
         relative = (
@@ -179,42 +166,11 @@ def split_sds(table: LaboratoryTable) -> None:
         sd = next(relative, -1)
     if sd < 0 or modulus < 0 or not (SHARE.search(table.names[sd]) or table.units[sd] == "%"):
         return
-    cells = table.cells[sd]
-    if all(is_plain_number(cell) or is_missing(cell) for cell in cells):
-        table.cells[sd] = [
-            share(cell, value) if is_plain_number(cell) else ""
-            for cell, value in zip(cells, table.cells[modulus])
-        ]
+    cells = table.cells[sd].mask(table.cells[sd].map(is_missing))
+    if all(map(is_plain_number, cells.dropna())):
+        table.cells[sd] = in_gpa(cells).fillna("")
         table.note(f"column {table.names[sd]}: per cent of the modulus")
         table.meanings[sd] = "sd_gpa"
-
-
-def split_plus_minus(table: LaboratoryTable, modulus: int) -> None:
-    """Split moduli such as '109.7 ± 3.0' into the moduli and a column of sds."""
-    found = [PLUS_MINUS.match(cell) for cell in table.cells[modulus]]
-    if any(found):
-        sds = [
-            "" if not match else share(match[2], match[1]) if match[3] == "%" else match[2]
-            for match in found
-        ]
-        table.cells[modulus] = [
-            match[1] if match else cell for match, cell in zip(found, table.cells[modulus])
-        ]
-        table.add_column("sd_gpa", sds)
-        table.note(f"column {table.names[modulus]}: what follows ± is its sd")
-
-
-def without_unit(cell: str, modulus: str) -> str:
-    """The number of a cell such as '46.3°'; of '5 %' the share of the modulus, '' for none."""
-    found = None if is_plain_number(cell) else WITH_UNIT.match(cell)
-    if not found or (found[2] == "%" and not modulus):
-        return cell
-    return share(found[1], modulus) if found[2] == "%" else found[1]
-
-
-def share(number: str, modulus: str) -> str:
-    """A percentage of the modulus in GPa; the percentage itself if the modulus is no number."""
-    return repr(value_of(number) / 100 * value_of(modulus)) if is_plain_number(modulus) else number
 
 
 def split_indices(table: LaboratoryTable) -> None:
@@ -277,16 +233,21 @@ def refuse_words(table: LaboratoryTable) -> None:
         raise InputError(f"{len(wrong)} cells are no numbers: {abridged(wrong, 12, '; ')}")
 
 
+def key_of(name: str) -> str:
+    """What spellings of a name have in common: 'g1' of 'G 01' and 'Grain-1'. A separator between
+    two digits stays: 1-1 and 11 are different grains.
+    """
+    key = re.sub(r"^(grain|korn)(?=[\s_.#-]*\d)", "g", name.strip().casefold())
+    key = re.sub(r"(?<!\d)[\s_.#-]+|[\s_.#-]+(?!\d)", "", key)
+    return re.sub(r"(?<!\d)0+(?=\d)", "", key)
+
+
 def one_spelling(table: LaboratoryTable, grain: int) -> None:
     """Give `G1`, `g1` and `G 1`, which are one grain, the spelling of the first row."""
-    # A separator between two digits stays: 1-1 and 11 are different grains.
-    keys = [
-        re.sub(r"(?<!\d)[\s_-]+|[\s_-]+(?!\d)", "", name).casefold() for name in table.cells[grain]
-    ]
-    first = dict(zip(reversed(keys), reversed(table.cells[grain].tolist())))
-    spelled = [first[key] for key in keys]
-    others = {own: name for own, name in zip(table.cells[grain], spelled) if own != name}
+    names = table.cells[grain]
+    spelled = names.groupby(names.map(key_of)).transform("first")
+    others = dict.fromkeys(zip(names[names != spelled], spelled[names != spelled]))
     if others:
-        pairs = ", ".join(f"{other} and {name}" for other, name in others.items())
+        pairs = ", ".join(f"{other} and {name}" for other, name in others)
         table.note(f"column {table.names[grain]}: taken for one grain: {pairs}")
         table.cells[grain] = spelled

@@ -152,21 +152,23 @@ def stated_columns(stated: Iterable[str], names: Sequence[str]) -> dict[str, str
     """The canonical name of each header that `&measurements columns` names; each statement is a
     canonical name, = and a header of the table.
     """
-    known = [*BY_NAME, *sorted(DIRECTIONS)]
+    known = {name.lower(): name for name in (*BY_NAME, *sorted(DIRECTIONS))}
     headers = {name.lower(): name for name in reversed(names)} | {name: name for name in names}
     found: dict[str, str] = {}
     for words in stated:
         name, _, header = (part.strip() for part in words.partition("="))
         begin = f"columns: '{words.strip()}': "
-        canonical = next((own for own in known if own.lower() == name.lower()), "")
+        canonical = known.get(name.lower())
         if not name or not header:
             raise InputError(
                 f"{begin}a name, = and the header of its column are needed, such as "
                 "'modulus_gpa = E (raw)'"
             )
         if not canonical:
+            allowed = known.values()
             raise InputError(
-                f"{begin}no column {name} is read{near(name, known)}; allowed {', '.join(known)}"
+                f"{begin}no column {name} is read{near(name, allowed)}; allowed "
+                f"{', '.join(allowed)}"
             )
         own = headers.get(header, headers.get(header.lower()))
         if own is None:
@@ -205,13 +207,10 @@ def hint_of(header: str, allowed: Iterable[str] = BY_NAME) -> str:
     return "" if is_read else near(header, allowed)
 
 
-def nearest_to(names: Iterable[str], headers: Iterable[str]) -> str:
+def nearest_to(names: Sequence[str], headers: Iterable[str]) -> str:
     """'; X: did you mean Y?' for the header that is near to one of the canonical `names` or their
     other names; '' if none is.
     """
-    names = list(names)
-    allowed = [*names, *(other for name in names for other in BY_NAME[name].others.split())]
-    for header in headers:
-        if hint := hint_of(header, allowed):
-            return f"; {header}:{hint[1:]}"
-    return ""
+    allowed = [*names, *" ".join(BY_NAME[name].others for name in names).split()]
+    hints = (f"; {header}:{hint[1:]}" for header in headers if (hint := hint_of(header, allowed)))
+    return next(hints, "")

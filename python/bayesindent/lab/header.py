@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable
+from itertools import pairwise
 
 import pandas as pd
 
@@ -21,23 +22,20 @@ def table_of_rows(found: Rows, stated: Iterable[str]) -> LaboratoryTable:
     header, _, meanings = header_row(rows, stated)
     line, names = rows[header]
     meanings = meanings or [""] * len(names)
-    below, notes = rows[header + 1 :], list(found.notes)
-    if header and (joined := joined_header(rows[header - 1][1], names, meanings)):
-        together = rows[header - 1][0], line
-    elif (
-        below
-        and sum(map(is_number, below[0][1])) <= len(names) // 2
-        and (joined := joined_header(names, below[0][1], meanings))
-    ):
-        together, below = (line, below[0][0]), below[1:]
+    begin, notes = header + 1, list(found.notes)
+    # The row above or below may belong to the header.
+    for upper, lower in pairwise(range(max(header - 1, 0), min(header + 2, len(rows)))):
+        above, (last, under) = rows[upper], rows[lower]
+        few_numbers = sum(map(is_number, under)) <= len(names) // 2
+        if few_numbers and (joined := joined_header(above[1], under, meanings)):
+            (names, meanings), begin = joined, lower + 1
+            notes.append(f"lines {above[0]} and {last} together are the header")
+            break
     else:
-        joined = None
-    if joined:
-        names, meanings = joined
-        notes.append("lines {} and {} together are the header".format(*together))
-    elif header:
-        lines = f"{header} line{'s' * (header > 1)}"
-        notes.append(f"the header is on line {line}; {lines} above it left out")
+        if header:
+            lines = f"{header} line{'s' * (header > 1)}"
+            notes.append(f"the header is on line {line}; {lines} above it left out")
+    below = rows[begin:]
     width = max((j + 1 for j, name in enumerate(names) if name), default=0)
     names = names[:width]
     units = [""] * width

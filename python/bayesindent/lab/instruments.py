@@ -1,11 +1,12 @@
 """Convert curves in files of instruments to the neutral CSV that the core reads."""
 
-import os
 import re
 from collections.abc import Iterable
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from ..core import InputError, located
 from .other_files import reader_of, reading
@@ -21,21 +22,18 @@ def curves_of_files(folder: Path, names: Iterable[str], drift_removed: bool) -> 
     """The columns of the neutral CSV for files of a folder; a name such as 'raw/*.txt' stands for
     several files.
     """
-    found = []
+    frames = []
     for name in names:
         with located(name), reading("is no pattern of file names"):
-            paths = (
-                sorted(folder.glob(name))
-                if set(name) & set("*?[") and not Path(name).is_absolute()
-                else [folder / name]
-            )
+            is_pattern = set(name) & set("*?[") and not Path(name).is_absolute()
+            paths = sorted(folder.glob(name)) if is_pattern else [folder / name]
         if not paths:
             raise InputError("there is no such file", name)
         for file in paths:
             shown = file.relative_to(folder) if file.is_relative_to(folder) else file
             with located(shown), reading("is no file of curves that can be read"):
                 for test, curve in read_file(file):
-                    found.append((test, np.asarray(curve, dtype=float)))
+                    frames.append(pd.DataFrame({"test": test} | dict(zip(COLUMNS, curve))))
                 beside = file.with_suffix(".tdm")
                 settings = tdm_settings(beside) if beside.is_file() else {}
             if drift_removed and not settings.get("drift_removed", True):
@@ -44,11 +42,9 @@ def curves_of_files(folder: Path, names: Iterable[str], drift_removed: bool) -> 
                     "drift_removed = .false., and drift_nm_s in the table of tests",
                     f"{shown} ({beside.name})",
                 )
-    names = COLUMNS[: min(len(curve) for _, curve in found)]
-    tests = np.repeat([test for test, _ in found], [curve.shape[1] for _, curve in found])
-    values = np.hstack([curve[: len(names)] for _, curve in found])
-    whole = np.abs(values).max(axis=0) < NO_VALUE
-    return {"test": tests[whole].tolist()} | dict(zip(names, values[:, whole].tolist()))
+    # The columns that all curves have.
+    table = pd.concat(frames, join="inner")
+    return table[(table.drop(columns="test").abs() < NO_VALUE).all(axis=1)].to_dict("list")
 
 
 def read_file(file: Path) -> list[tuple[str, tuple]]:
@@ -90,43 +86,24 @@ def read_hysitron(text: str) -> tuple:
     """A curve that a Hysitron TI 990 exported: text whose lines end in CR."""
     lines = text.splitlines()
     start = next(i for i, line in enumerate(lines) if line.startswith("Depth ("))
-    names = [name.strip().lower() for name in lines[start].split("\t")]
-    order = [
-        (j, UNITS[name])
-        for word in ("time", "depth", "load")
-        for j, name in enumerate(names)
-        if name in UNITS and name.startswith(word)
-    ]
-    if len(order) != 3:
+    table = pd.read_csv(StringIO("\n".join(lines[start:])), sep="\t")
+    columns = {name.split()[0]: name for name in map(str.lower, table) if name in UNITS}
+    if set(columns) != {"time", "depth", "load"}:
         raise InputError(
             f"line {start + 1}: the columns Depth, Load and Time are needed, in {', '.join(UNITS)}"
         )
-    rows = []
-    for number, line in enumerate(filter(str.strip, lines[start + 1 :]), start + 2):
-        try:
-            cells = line.split("\t")
-            rows.append([float(cells[j]) * scale for j, scale in order])
-        except (ValueError, IndexError):
-            raise InputError(f"line {number}: {line[:40]!r} is no row of numbers") from None
-    stated = next(map(int, re.findall(r"Number of Points = *(\d{1,9})\b", text)), len(rows))
-    if stated != len(rows):
-        raise InputError(f"{len(rows)} points, where the file states {stated}; it is truncated")
-    return tuple(np.transpose(rows))
+    stated = next(map(int, re.findall(r"Number of Points = *(\d{1,9})\b", text)), len(table))
+    if stated != len(table):
+        raise InputError(f"{len(table)} points, where the file states {stated}; it is truncated")
+    table.columns = table.columns.str.lower()
+    names = (columns[word] for word in ("time", "depth", "load"))
+    return tuple(table[name].to_numpy(float) * UNITS[name] for name in names)
 
 
-def tdm_settings(file: str | os.PathLike) -> dict[str, float | bool]:
-    """The corrections that the instrument made to the curve of a .tdm file: drift_nm_s,
-    compliance_nm_mn, and whether the drift was removed.
-    """
-    text = Path(file).read_text(encoding="utf-8", errors="replace")
-    names = {
-        "drift_nm_s": "Drift_Rate__nm___s__",
-        "compliance_nm_mn": "Machine_Compliance__nm___mN__",
-        "drift_removed": "Drift_Correction",
-    }
-    found: dict[str, float | bool] = {}
-    for key, name in names.items():
-        match = re.search(rf'name="Current_{name}">([^<]*)<', text)
-        if match and abs(value := float(match[1])) < NO_VALUE:
-            found[key] = bool(value) if key == "drift_removed" else value
-    return found
+def tdm_settings(file: Path) -> dict[str, float]:
+    """The rate of the drift of the curve of a .tdm file, and whether it was removed (1 or 0)."""
+    text = file.read_text(encoding="utf-8", errors="replace")
+    names = {"drift_nm_s": "Drift_Rate__nm___s__", "drift_removed": "Drift_Correction"}
+    found = {key: re.search(rf'name="Current_{n}">([^<]*)<', text) for key, n in names.items()}
+    values = {key: float(match[1]) for key, match in found.items() if match}
+    return {key: value for key, value in values.items() if abs(value) < NO_VALUE}

@@ -1,21 +1,15 @@
 """Join a table of moduli and a list of orientations by the names of the grains."""
 
-import re
 from pathlib import Path
 
+import pandas as pd
+
 from ..core import InputError
-from .cleaning import clean
+from .cleaning import clean, key_of
 from .columns import ANGLES, DIRECTIONS, WAYS, abridged
 from .header import table_of_rows
 from .reading import rows_of_file
 from .table import LaboratoryTable
-
-
-def key_of(name: str) -> str:
-    """What spellings of a name have in common: 'g1' of 'G 01' and 'Grain-1'."""
-    key = re.sub(r"^(grain|korn)(?=[\s_.#-]*\d)", "g", name.strip().casefold())
-    key = re.sub(r"(?<!\d)[\s_.#-]+|[\s_.#-]+(?!\d)", "", key)
-    return re.sub(r"(?<!\d)0+(?=\d)", "", key)
 
 
 def orientations_of_file(path: Path) -> LaboratoryTable:
@@ -41,23 +35,22 @@ def add_orientations_of_file(table: LaboratoryTable, path: Path, by: str) -> Non
     if given:
         raise InputError(f"the table of moduli has orientations too: the column {given[0]}")
     other = orientations_of_file(path)
-    columns = [name for name in other.meanings if name in ANGLES or name in DIRECTIONS]
-    cells = other.cells[[other.column(name) for name in columns]]
-    rows = {line: list(row) for line, *row in cells.itertuples()}
+    names = [name for name in other.meanings if name in ANGLES or name in DIRECTIONS]
+    cells = other.cells[[other.column(name) for name in names]]
     if by == "order":
-        if len(rows) != len(table.cells):
-            raise InputError(f"{len(rows)} orientations for {len(table.cells)} rows of moduli")
-        found = dict(zip(table.cells.index, rows.values()))
+        if len(cells) != len(table.cells):
+            raise InputError(f"{len(cells)} orientations for {len(table.cells)} rows of moduli")
+        cells = cells.set_axis(table.cells.index)
     else:
-        found = joined_by_name(table, other, rows)
-    table.leave_out(set(table.cells.index) - found.keys(), f"no orientation in {path.name}")
-    for j, name in enumerate(columns):
-        table.add_column(name, [found[line][j] for line in table.cells.index])
+        cells = joined_by_name(table, other, cells)
+    table.leave_out({*table.cells.index} - {*cells.index}, f"no orientation in {path.name}")
+    for name, column in zip(names, cells):
+        table.add_column(name, cells[column].tolist())
 
 
 def joined_by_name(
-    table: LaboratoryTable, other: LaboratoryTable, rows: dict[int, list[str]]
-) -> dict[int, list[str]]:
+    table: LaboratoryTable, other: LaboratoryTable, cells: pd.DataFrame
+) -> pd.DataFrame:
     """The cells of the orientation of each line of moduli whose grain is in both tables."""
     for each, what in ((table, "moduli"), (other, "orientations")):
         if each.column("grain") < 0:
@@ -65,21 +58,17 @@ def joined_by_name(
                 f"the {what} have no column of the grains' names (grain); name it, or state "
                 "orientations_by = 'order' if both tables have the same order"
             )
-    own = table.cells[table.column("grain")]
-    theirs: dict[str, list[str]] = {}
-    spelled: dict[str, str] = {}
-    for line, name in other.cells[other.column("grain")].items():
-        key = key_of(name)
-        if theirs.setdefault(key, rows[line]) != rows[line]:
-            raise InputError(f"line {line}: the grain {name} has two orientations")
-        spelled[key] = name
-    found = {line: theirs[key_of(name)] for line, name in own.items() if key_of(name) in theirs}
-    if not found:
+    own, theirs = (each.cells[each.column("grain")] for each in (table, other))
+    keys, their_keys = own.map(key_of), theirs.map(key_of)
+    distinct = cells.assign(key=their_keys).drop_duplicates()
+    for line in distinct.index[distinct["key"].duplicated()]:
+        raise InputError(f"line {line}: the grain {theirs[line]} has two orientations")
+    found = keys[keys.isin(their_keys)]
+    if not len(found):
         raise InputError(
             f"no grain is in both tables: {abridged(own, 3)} have moduli, "
-            f"{abridged(spelled.values(), 3)} orientations"
+            f"{abridged(theirs, 3)} orientations"
         )
-    alone = [name for key, name in spelled.items() if key not in {*map(key_of, own)}]
-    if alone:
+    if alone := [*theirs[distinct.index][~distinct["key"].isin(keys)]]:
         table.note(f"no modulus of the grains {abridged(alone)}")
-    return found
+    return distinct.set_index("key").loc[found].set_axis(found.index)

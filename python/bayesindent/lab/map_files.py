@@ -26,7 +26,7 @@ from .other_files import decoded, reader_of, reading
 #: Orientation of the crystal axes in the unit cell, by the values of `crystal_axes`.
 AXES = {"a": "x along a, z along c*", "a*": "x along a*, z along c"}
 #: Laue classes by their numbers in Oxford's files.
-LAUE = "none -1 2/m mmm 4/m 4/mmm -3 -3m 6/m 6/mmm m-3 m-3m"
+LAUE = ["none", "-1", "2/m", "mmm", "4/m", "4/mmm", "-3", "-3m", "6/m", "6/mmm", "m-3", "m-3m"]
 #: Largest number of signs of a header of .ang.
 HEADER = 100_000
 #: An angle in radians above any true one and below 4 pi.
@@ -98,7 +98,7 @@ def oxford_map(path: Path) -> MapPoints:
         for number, phase in header["Phases"].items():
             name, laue = (np.ravel(phase[key])[0] for key in ("Phase Name", "Laue Group"))
             cell = np.append(phase["Lattice Dimensions"], np.degrees(phase["Lattice Angles"]))
-            phases[int(number)] = phase_of(name.decode(), LAUE.split()[laue], cell)
+            phases[int(number)] = phase_of(name.decode(), LAUE[laue], cell)
         number = np.ravel(data["Phase"]).astype(int)
         if "X" in data:
             places = [np.ravel(data["X"]), np.ravel(data["Y"])]
@@ -121,7 +121,7 @@ def channel_text(path: Path) -> MapPoints:
     for number, line in enumerate(lines, 1):
         lengths, angles, name, laue = line.split("\t")[:4]
         cell = f"{lengths};{angles}".split(";")
-        phases[number] = phase_of(name, LAUE.split()[int(laue)], cell)
+        phases[number] = phase_of(name, LAUE[int(laue)], cell)
     rotations = bunge(np.radians([columns[f"Euler{k}"] for k in (1, 2, 3)]).T)
     surface = [float(angle) for angle in re.findall(r"^AcqE\d\s+(\S+)", header, re.M)]
     frame = re.search(r"^Euler angles refer to .*\((CS[01])\)", header, re.M)
@@ -161,10 +161,8 @@ def oxford_binary(path: Path) -> MapPoints:
     job, phases = facts["Job"], {}
     for number in range(1, 1 + int(facts["Phases"]["Count"])):
         phase = facts[f"Phase{number}"]
-        cell = [phase[name] for name in ("a", "b", "c", "alpha", "beta", "gamma")]
-        phases[number] = phase_of(
-            phase["StructureName"], LAUE.split()[int(phase["LaueGroup"])], cell
-        )
+        cell = map(phase.get, ("a", "b", "c", "alpha", "beta", "gamma"))
+        phases[number] = phase_of(phase["StructureName"], LAUE[int(phase["LaueGroup"])], cell)
     row, column = np.divmod(np.arange(len(points)), int(job["xCells"]))
     positions = np.column_stack([column * float(job["GridDistX"]), row * float(job["GridDistY"])])
     surface = facts["Acquisition Surface"]
@@ -265,7 +263,7 @@ def turn_of_axes(group: Any, lattice: Any, stated: str | None, of_file: str | No
             f"{', '.join(f'{angle:g}' for angle in angles)} degrees; "
             "two of them are 90 where the two-fold axis is along b, and not all of a triclinic cell"
         )
-    turns = {axes: turn_of_cell(angles, axes) for axes in AXES}
+    turns = {axes: turn_of_cell(lattice, angles, axes) for axes in AXES}
     images = representative(
         class_name(group.name), np.array([turn.apply([0.3, 0.5, 0.8]) for turn in turns.values()])
     )
@@ -285,17 +283,14 @@ def turn_of_axes(group: Any, lattice: Any, stated: str | None, of_file: str | No
     return turns[axes]
 
 
-def turn_of_cell(angles: np.ndarray, axes: str) -> Rotation:
-    """The same rotation for one of `AXES` and the angles of a cell in degrees."""
-    alpha, beta, gamma = np.radians(angles)
-    # Unit vectors along a, b and c: a along x, b in the plane of x and y.
-    a, b = np.array([1.0, 0.0, 0.0]), np.array([np.cos(gamma), np.sin(gamma), 0.0])
-    y = (np.cos(alpha) - np.cos(beta) * np.cos(gamma)) / np.sin(gamma)
-    c = np.array([np.cos(beta), y, np.sqrt(max(1.0 - np.cos(beta) ** 2 - y**2, 0.0))])
+def turn_of_cell(lattice: Any, angles: np.ndarray, axes: str) -> Rotation:
+    """The same rotation for one of `AXES` and the angles of a cell in degrees, with a `lattice` of
+    the class that is to be used.
+    """
+    # Along a, b and c, in axes with x along a* and z along c.
+    a, b, c = type(lattice)(1, 1, 1, *angles).base
     standard = frame(np.cross(np.cross(c, a), c), c)
-    return Rotation.from_matrix(
-        standard @ (frame(a, np.cross(a, b)) if axes == "a" else frame(np.cross(b, c), c)).T
-    )
+    return Rotation.from_matrix(standard @ frame(a, np.cross(a, b)).T if axes == "a" else standard)
 
 
 def frame(x: np.ndarray, z: np.ndarray) -> np.ndarray:

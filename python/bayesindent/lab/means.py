@@ -41,23 +41,22 @@ def divide_by_root_of_tests(table: LaboratoryTable, sd: int) -> None:
     number = next((j for j, name in enumerate(table.names) if COUNT.fullmatch(name)), -1)
     if number < 0 or table.meanings[number]:
         return
-    counts, name = table.cells[number].tolist(), table.names[sd]
-    if len(counts) > 2 and counts == list(map(str, range(1, len(counts) + 1))):
+    cells, name, sds = table.cells[number], table.names[sd], table.cells[sd]
+    if len(cells) > 2 and cells.tolist() == list(map(str, range(1, len(cells) + 1))):
         table.note(
             f"column {table.names[number]}: numbers the rows; not taken for numbers of tests"
         )
         return
-    sds = table.cells[sd]
     if name in table.stated or not is_deviation(name) or not plain_numbers(sds.tolist()):
         return
-    whole = re.compile(r"0*[1-9]\d{0,8}(\.0*)?").fullmatch
-    if wrong := [line for line, count in zip(table.cells.index, counts) if not whole(count)]:
+    counts = pd.to_numeric(cells, errors="coerce")
+    wrong = cells.index[~counts.between(1, 1e9) | (counts % 1 > 0)]
+    if len(wrong):
         raise InputError(
             f"column {table.names[number]}, {lines_in_words(wrong)}: a number "
             f"of tests is needed; if {name} is a standard error, name it sd_gpa"
         )
-    roots = np.sqrt(np.array(counts, dtype=float)).tolist()
-    table.cells[sd] = [repr(value_of(cell) / root) for cell, root in zip(sds, roots)]
+    table.cells[sd] = (sds.map(value_of) / np.sqrt(counts)).map(repr)
     table.meanings[number] = "number of tests"
     table.note(
         f"column {name}: divided by the root of {table.names[number]} tests: the standard error "
@@ -67,18 +66,14 @@ def divide_by_root_of_tests(table: LaboratoryTable, sd: int) -> None:
 
 def pool_tests(table: LaboratoryTable, modulus: int, grain: int) -> None:
     """Add the column of the sds of repeated tests."""
-    values = pd.Series([value_of(cell) for cell in table.cells[modulus]], table.cells.index)
+    values = table.cells[modulus].map(value_of)
     tests = values.groupby(table.cells[grain], sort=False)
-    count = tests.transform("count")
     freedom = len(values) - tests.ngroups
-    squares = sum(len(own) * np.var(own.to_numpy()) for _, own in tests)
-    pooled = float(np.sqrt(squares / max(1, freedom)))
+    squares = (values - tests.transform("mean")) ** 2
+    pooled = float(np.sqrt(squares.sum() / max(1, freedom)))
     if not pooled > 0:
         return
-    own = tests.transform(
-        lambda moduli: np.std(moduli.to_numpy(), ddof=1) if len(moduli) > 1 else pooled
-    )
-    sds = own.where(count >= FEW_TESTS, pooled)
+    sds = tests.transform("std").where(tests.transform("count") >= FEW_TESTS, pooled)
     table.add_column("sd_gpa", list(map(repr, sds.tolist())))
     table.note(
         f"{len(values)} tests of {tests.ngroups} grains became means with standard errors; the "

@@ -1,6 +1,5 @@
 """Orientation maps (EBSD): the grain at each indent, its orientation and its size."""
 
-import re
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
@@ -15,8 +14,9 @@ from scipy.spatial.transform import Rotation
 from ..core import InputError
 from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
-from .columns import ANGLES, abridged
+from .columns import ANGLES, DIRECTIONS, abridged
 from .map_files import from_standard, load_map, rotations_of, turn_of_axes
+from .other_files import reading
 
 #: Misorientation of neighbouring points, in degrees, above which they belong to two grains.
 BOUNDARY_DEG = 5.0
@@ -66,17 +66,16 @@ def indented_map(
     axes: str | None,
 ) -> IndentedMap:
     """The map of a file with `indents` at positions (n, 2), whose registration has the `sd` (n,)
-    per coordinate, and whose radii of `contact` (n,) are 0 if unknown, in um. `columns` are those
-    of the measurements; for `axes` see `AXES` of map_files.
+    per coordinate, and whose radii of `contact` (n,) are 0 if unknown, in um. `columns` are the
+    meanings of those of the measurements; for `axes` see `AXES` of map_files.
     """
-    for name in columns:
-        if name.lower().startswith(("phi", "φ", "euler")):
-            raise InputError(
-                f"the column {name} states the orientation too; one of them is allowed"
-            )
+    if given := [name for name in columns if name in ANGLES or name in DIRECTIONS]:
+        raise InputError(
+            f"the column {given[0]} states the orientation too; one of them is allowed"
+        )
     grid = Grid(path, axes)
     grid.refuse_outside(indents)
-    if len(grid.names) == 1:
+    if len(grid.groups) == 1:
         grid.compare_phase(grid.phase[:1], symmetry)
     grid.find_grains()
     away, nearest = grid.tree.query(indents, k=min(2 * SURROUNDINGS, len(grid.phase)))
@@ -116,12 +115,8 @@ def indented_map(
         radius_um = grid.distance_to_boundary(position, grain, around[~is_own])
         mean = grid.mean_orientation(around[is_own][:SURROUNDINGS])
         of_indents.append([f"EBSD {grain}", radius_um, *mean])
-    stated = {
-        re.sub("[ -]", "_", name.lower()).removesuffix("_id").removesuffix("_number")
-        for name in columns
-    }
     found = zip(MAP_COLUMNS, zip(*of_indents))
-    added = {name: list(values) for name, values in found if name not in stated}
+    added = {name: list(values) for name, values in found if name not in columns}
     return IndentedMap(grid, retained, indents, grains, added, warnings)
 
 
@@ -130,18 +125,12 @@ def registered(path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, l
     least squares. Returns the positions (n, 2), their sd per coordinate (n,) in um, and a warning
     if the sd is unknown.
     """
-    try:
+    words = f"is no CSV of numbers in the columns {', '.join(POINT_COLUMNS)}, a row for each point"
+    with reading(words):
         table = pd.read_csv(path, comment="#", skipinitialspace=True, encoding="utf-8-sig")
         known = table[POINT_COLUMNS].to_numpy(float)
-    except OSError as error:
-        raise InputError(f"{error.strerror}") from None
-    except (ValueError, KeyError):
-        known = np.full((1, 4), np.nan)
     if not (np.abs(known) < FARTHEST_UM).all():
-        raise InputError(
-            f"is no CSV of numbers in the columns {', '.join(POINT_COLUMNS)}, a row for "
-            f"each point, up to {FARTHEST_UM:g}"
-        )
+        raise InputError(f"{words}, up to {FARTHEST_UM:g}")
     n, centre = len(known), known[:, :2].sum(axis=0) / max(1, len(known))
     spread = known[:, :2] - centre
     design = np.column_stack([np.ones(n), spread])
@@ -149,9 +138,9 @@ def registered(path: Path, stage: np.ndarray) -> tuple[np.ndarray, np.ndarray, l
         raise InputError(
             f"{n} points on a line or at one place; three or more that span the sample are needed"
         )
-    affine = np.linalg.lstsq(design, known[:, 2:], rcond=None)[0]
-    at = np.column_stack([np.ones(len(stage)), stage - centre])
-    leverage = np.sum(at @ np.linalg.inv(design.T @ design) * at, axis=1)
+    solve = np.linalg.pinv(design)
+    affine, at = solve @ known[:, 2:], np.column_stack([np.ones(len(stage)), stage - centre])
+    leverage = np.sum((at @ solve) ** 2, axis=1)
     residual = np.linalg.norm(known[:, 2:] - design @ affine) / np.sqrt(max(1, 2 * (n - 3)))
     unknown = "three points leave no residual, so that the error of the registration is unknown"
     return (
@@ -183,15 +172,17 @@ class Grid:
         if found < n:
             reason = f"{path.name}: {n - found:,} of {n:,} points are not indexed"
             self.warnings.append(("points_not_indexed", reason))
-        #: By phase its name, its Laue class (diffraction sees no more of the point group), and the
-        #: proper rotations of that class.
-        self.names, self.groups, self.symmetry = {}, {}, {}
+        #: Phases of orix by number.
+        self.phases = loaded.phases
+        #: By phase its Laue class (diffraction sees no more of the point group), and the proper
+        #: rotations of that class.
+        self.groups, self.symmetry = {}, {}
         for number in np.unique(self.phase).tolist():
-            phase = loaded.phases[number]
+            phase = self.phases[number]
             if phase.point_group is None:
                 raise InputError(f"does not say the point group of phase {number}")
-            self.names[number], laue = phase.name, phase.point_group.laue
-            self.groups[number], turn = laue, from_standard(laue)
+            self.groups[number] = laue = phase.point_group.laue
+            turn = from_standard(laue)
             self.symmetry[number] = turn.inv() * rotations_of(laue.proper_subgroup) * turn
             to_standard = turn_of_axes(laue, phase.structure.lattice, axes, loaded.axes)
             own = np.flatnonzero(self.phase == number)
@@ -246,12 +237,12 @@ class Grid:
         phase are not equivalent.
         """
         number = int(phases[0])
-        name = self.names[number]
+        name = self.phases[number].name
         if len(others := np.flatnonzero(phases != number)):
             raise InputError(
                 f"the indent of row 1 is on the phase {name}, those of "
                 f"rows {abridged(others + 1)} are on "
-                f"{self.names[int(phases[others[0]])]}; leave one "
+                f"{self.phases[phases[others[0]]].name}; leave one "
                 "of them out: the constants are those of one phase"
             )
         if not symmetry:
