@@ -11,7 +11,7 @@ import pandas as pd
 
 from ..common.result_files import as_csv
 from ..core import InputError, located
-from .cells import is_missing, is_number, value_of
+from .cells import is_missing, is_number, missing, value_of
 from .cleaning import clean, leave_out_incomplete
 from .columns import (
     ANGLES,
@@ -384,5 +384,5 @@ def page_of(table: LaboratoryTable, source: Path | Mapping, kind: str | None) ->
         if (j := table.column(meaning)) >= 0:
             cells = table.cells[j]
             are_names = meaning in NAME_COLUMNS
-            columns[meaning] = cells if are_names else cells.mask(cells.map(is_missing), "")
+            columns[meaning] = cells if are_names else cells.mask(missing(cells), "")
     return "\n".join(comments) + "\n" + as_csv(columns, zip(*columns.values()))

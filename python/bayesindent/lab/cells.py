@@ -10,6 +10,7 @@ from typing import Any
 from unicodedata import normalize
 
 import numpy as np
+import pandas as pd
 
 #: Cells that mean that there is no value: words, errors of spreadsheets, and the largest double,
 #: which some instruments write.
@@ -46,6 +47,13 @@ def plain_numbers(cells: list[str]) -> bool:
         return bool((np.abs(np.array(cells, float)) < 1e300).all())
     except ValueError:
         return all(map(is_plain_number, cells))
+
+
+def missing(cells: pd.Series) -> pd.Series:
+    """Which cells of a column have no number."""
+    if plain_numbers(cells.tolist()):
+        return pd.Series(False, cells.index)
+    return cells.map(is_missing)
 
 
 def value_of(number: str) -> float:

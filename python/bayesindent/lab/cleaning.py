@@ -12,6 +12,7 @@ from .cells import (
     is_missing,
     is_number,
     is_plain_number,
+    missing,
     number_of,
     plain_numbers,
 )
@@ -69,7 +70,7 @@ def leave_out_incomplete(table: LaboratoryTable) -> None:
     for j, meaning in enumerate(table.meanings):
         if meaning in ("grain", *MODULI, "sd_gpa", *ANGLES, *DIRECTIONS):
             cells = table.cells[j]
-            empty = cells == "" if meaning == "grain" else cells.map(is_missing)
+            empty = cells == "" if meaning == "grain" else missing(cells)
             if not empty.all():
                 incomplete |= {*cells.index[empty]}
     table.leave_out(incomplete, "a value is missing")
@@ -82,6 +83,8 @@ def leave_out_statistics(table: LaboratoryTable) -> None:
     """
     first = table.cells.where(table.cells != "").bfill(axis=1)[0].fillna("")
     named = first.map(STATISTICS.match).dropna()
+    if named.empty:
+        return
     names = (*ANGLES, *DIRECTIONS, "x_um", "y_um")
     places = [j for j, meaning in enumerate(table.meanings) if meaning in names]
     modulus = table.column(*MODULI)
@@ -166,7 +169,7 @@ def split_sds(table: LaboratoryTable) -> None:
         sd = next(relative, -1)
     if sd < 0 or modulus < 0 or not (SHARE.search(table.names[sd]) or table.units[sd] == "%"):
         return
-    cells = table.cells[sd].mask(table.cells[sd].map(is_missing))
+    cells = table.cells[sd].mask(missing(table.cells[sd]))
     if all(map(is_plain_number, cells.dropna())):
         table.cells[sd] = in_gpa(cells).fillna("")
         table.note(f"column {table.names[sd]}: per cent of the modulus")
@@ -245,7 +248,8 @@ def key_of(name: str) -> str:
 def one_spelling(table: LaboratoryTable, grain: int) -> None:
     """Give `G1`, `g1` and `G 1`, which are one grain, the spelling of the first row."""
     names = table.cells[grain]
-    spelled = names.groupby(names.map(key_of)).transform("first")
+    keys = {name: key_of(name) for name in names.unique()}
+    spelled = names.groupby(names.map(keys)).transform("first")
     others = dict.fromkeys(zip(names[names != spelled], spelled[names != spelled]))
     if others:
         pairs = ", ".join(f"{other} and {name}" for other, name in others)

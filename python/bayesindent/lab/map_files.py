@@ -26,7 +26,7 @@ from .other_files import decoded, reader_of, reading
 #: Orientation of the crystal axes in the unit cell, by the values of `crystal_axes`.
 AXES = {"a": "x along a, z along c*", "a*": "x along a*, z along c"}
 #: Laue classes by their numbers in Oxford's files.
-LAUE = ["none", "-1", "2/m", "mmm", "4/m", "4/mmm", "-3", "-3m", "6/m", "6/mmm", "m-3", "m-3m"]
+LAUE = "none -1 2/m mmm 4/m 4/mmm -3 -3m 6/m 6/mmm m-3 m-3m"
 #: Largest number of signs of a header of .ang.
 HEADER = 100_000
 #: An angle in radians above any true one and below 4 pi.
@@ -98,7 +98,7 @@ def oxford_map(path: Path) -> MapPoints:
         for number, phase in header["Phases"].items():
             name, laue = (np.ravel(phase[key])[0] for key in ("Phase Name", "Laue Group"))
             cell = np.append(phase["Lattice Dimensions"], np.degrees(phase["Lattice Angles"]))
-            phases[int(number)] = phase_of(name.decode(), LAUE[laue], cell)
+            phases[int(number)] = phase_of(name.decode(), LAUE.split()[laue], cell)
         number = np.ravel(data["Phase"]).astype(int)
         if "X" in data:
             places = [np.ravel(data["X"]), np.ravel(data["Y"])]
@@ -121,7 +121,7 @@ def channel_text(path: Path) -> MapPoints:
     for number, line in enumerate(lines, 1):
         lengths, angles, name, laue = line.split("\t")[:4]
         cell = f"{lengths};{angles}".split(";")
-        phases[number] = phase_of(name, LAUE[int(laue)], cell)
+        phases[number] = phase_of(name, LAUE.split()[int(laue)], cell)
     rotations = bunge(np.radians([columns[f"Euler{k}"] for k in (1, 2, 3)]).T)
     surface = [float(angle) for angle in re.findall(r"^AcqE\d\s+(\S+)", header, re.M)]
     frame = re.search(r"^Euler angles refer to .*\((CS[01])\)", header, re.M)
@@ -162,7 +162,9 @@ def oxford_binary(path: Path) -> MapPoints:
     for number in range(1, 1 + int(facts["Phases"]["Count"])):
         phase = facts[f"Phase{number}"]
         cell = map(phase.get, ("a", "b", "c", "alpha", "beta", "gamma"))
-        phases[number] = phase_of(phase["StructureName"], LAUE[int(phase["LaueGroup"])], cell)
+        phases[number] = phase_of(
+            phase["StructureName"], LAUE.split()[int(phase["LaueGroup"])], cell
+        )
     row, column = np.divmod(np.arange(len(points)), int(job["xCells"]))
     positions = np.column_stack([column * float(job["GridDistX"]), row * float(job["GridDistY"])])
     surface = facts["Acquisition Surface"]
