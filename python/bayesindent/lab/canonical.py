@@ -1,5 +1,6 @@
 """The canonical table of measurements: exact names, GPa, degrees, a row a grain or a test."""
 
+import csv
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -7,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
 
 from ..common.result_files import as_csv
 from ..core import InputError, located
@@ -38,7 +38,6 @@ from .columns import (
 from .header import table_of_rows
 from .joining import add_orientations_of_file
 from .means import standard_errors
-from .other_files import reading
 from .reading import MOST_ROWS, rows_of_columns, rows_of_file
 from .table import LaboratoryTable
 
@@ -337,11 +336,17 @@ def add_orientations(
 
 def shared_of_file(path: Path) -> dict[str, list[str]]:
     """The columns of a file of `&measurements shared_errors`, as shared_1, shared_2, .."""
-    with located(f"shared_errors: {path}"), reading("is no table of shared errors"):
-        found = pd.read_csv(
-            path, dtype=str, comment="#", skipinitialspace=True, na_filter=False
-        ).drop(columns="grain", errors="ignore")
-    return {f"shared_{j}": list(found[name]) for j, name in enumerate(found, 1)}
+    begin = f"shared_errors: {path}: "
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{begin}{getattr(error, 'strerror', 'is no text')}") from None
+    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    names, *rows = [list(map(str.strip, row)) for row in csv.reader(lines)] or [[]]
+    if any(len(row) != len(names) for row in rows):
+        raise InputError(f"{begin}a row has not as many cells as the header, {len(names)}")
+    columns = [list(cells) for name, *cells in zip(names, *rows) if name != "grain"]
+    return {f"shared_{j}": cells for j, cells in enumerate(columns, 1)}
 
 
 def add_shared_errors(
