@@ -49,6 +49,14 @@ class BayesindentError(RuntimeError):
     `file` is the file of a wrong input, or the function of this package that it was given to;
     `group` and `variable` are those of namelists; '' for what is not known. `code` is the kind of
     the error: 'failure', 'bad_input' or 'machine'.
+
+    Examples
+    --------
+    >>> try:
+    ...     bi.stiffness("cubic", 168.4, 121.4)
+    ... except bi.BayesindentError as error:
+    ...     print(error.code, error.message)
+    bad_input a cubic crystal takes the constants C11, C12, C44, not 2 values
     """
 
     message: str = ""
@@ -65,7 +73,14 @@ class BayesindentError(RuntimeError):
 
 
 class InputError(BayesindentError, ValueError):
-    """The input is wrong; the message has the value, and the allowed values."""
+    """The input is wrong; the message has the value, and the allowed values.
+
+    Examples
+    --------
+    >>> bi.stiffness("cubic", 168.4, 121.4)
+    Traceback (most recent call last):
+    bayesindent.core.InputError: a cubic crystal takes the constants C11, C12, C44, not 2 values
+    """
 
     code = "bad_input"
 
@@ -73,6 +88,11 @@ class InputError(BayesindentError, ValueError):
 class MachineError(BayesindentError):
     """The machine lacks memory or disk space. The input may be right, and a second attempt may
     succeed.
+
+    Examples
+    --------
+    >>> issubclass(bi.MachineError, bi.BayesindentError)
+    True
     """
 
     code = "machine"
@@ -95,6 +115,15 @@ def located(file: object, group: str = "", variable: str = "") -> Iterator[None]
 class BayesindentWarning(UserWarning):
     """A caution that the user should read before using a result. `diagnostic` has its code,
     subject and numbers, see docs/diagnostics.md.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> with warnings.catch_warnings(record=True) as caught:
+    ...     warnings.simplefilter("always")
+    ...     result = bi.extract("grains.csv", "cubic", technique="exact", samples=300)
+    >>> "not_determined" in [each.message.diagnostic["code"] for each in caught]
+    True
     """
 
     diagnostic: Mapping = {}

@@ -26,6 +26,11 @@ PREDICTED = 500
 class Analysis:
     """Step 2 of a table of measurements as an object, see `bi.analysis`. The posterior is sampled
     when a result is first asked for.
+
+    Examples
+    --------
+    >>> isinstance(bi.analysis("grains.csv", "cubic", technique="exact"), bi.Analysis)
+    True
     """
 
     problem: Problem
@@ -112,6 +117,15 @@ def analysis(
     -------
     Analysis
         Its posterior is sampled when a result is first asked for.
+
+    Examples
+    --------
+    >>> analysis = bi.analysis(
+    ...     "grains.csv", "cubic", knowledge={"bulk_modulus": (137, 3)}, technique="exact"
+    ... )
+    >>> mean, sd = analysis.predict([0, 0, 0])
+    >>> abs(float(mean[0]) - 134.0) < 5
+    True
     """
     given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge}
     given |= {"references": references} | settings

@@ -34,6 +34,12 @@ def quantities(
     'compressibility[001]' (1/TPa). The default are the quantities of reports: constants, bulk
     modulus (of a single crystal under pressure, 1/S_iijj), averages of the polycrystal (Hill),
     anisotropy index (Eq. 14), and Young's moduli along distinct directions.
+
+    Examples
+    --------
+    >>> found = bi.quantities("cubic", [168.4, 121.4, 75.4], ["bulk_modulus", "young[111]"])
+    >>> {name: round(float(value), 1) for name, value in found.items()}
+    {'bulk_modulus': 137.1, 'young[111]': 191.1}
     """
     if isinstance(symmetry, str):
         matrices = stiffness_rows(symmetry, [] if constants is None else constants)
@@ -65,6 +71,11 @@ def class_name(symmetry: str) -> str:
 def constant_names(symmetry: str) -> tuple[str, ...]:
     """Names of the independent constants of the crystal class that `symmetry` names, in the order
     in which arrays hold them.
+
+    Examples
+    --------
+    >>> bi.constants("hcp")
+    ('C11', 'C12', 'C44', 'C33', 'C13')
     """
     return _crystal_class(symmetry)[1]
 
@@ -76,6 +87,12 @@ def stiffness(symmetry: str, *values: ArrayLike, **constants: ArrayLike) -> np.n
     `symmetry` names a crystal class ('cubic', 'hcp', '4/mmm', ..). The constants are `values` in
     the order of `bi.constants(symmetry)`, or keywords, C11=168.4. Arrays of constants broadcast.
     Raises `InputError` for other names, or another number of values.
+
+    Examples
+    --------
+    >>> copper = bi.stiffness("cubic", C11=168.4, C12=121.4, C44=75.4)
+    >>> copper.shape
+    (6, 6)
     """
     names = constant_names(symmetry)
     given = dict(zip(names, values)) | constants
@@ -103,6 +120,12 @@ def stiffness_rows(symmetry: str, constants: ArrayLike) -> np.ndarray:
 def anisotropy_index(stiffness: ArrayLike) -> np.ndarray:
     """Universal anisotropy index (Eq. 14), of `stiffness` (..., 6, 6) in GPa; NaN where the crystal
     is not Born-stable.
+
+    Examples
+    --------
+    >>> copper = bi.stiffness("cubic", 168.4, 121.4, 75.4)
+    >>> round(float(bi.anisotropy_index(copper)), 2)
+    1.82
     """
     return _averages(stiffness)[0]
 
@@ -110,6 +133,12 @@ def anisotropy_index(stiffness: ArrayLike) -> np.ndarray:
 def log_anisotropy(stiffness: ArrayLike) -> np.ndarray:
     """Norm of the anisotropic part of log K, K the Kelvin form of `stiffness` (..., 6, 6) in GPa;
     NaN if unstable.
+
+    Examples
+    --------
+    >>> copper = bi.stiffness("cubic", 168.4, 121.4, 75.4)
+    >>> round(float(bi.log_anisotropy(copper)), 2)
+    1.28
     """
     return _averages(stiffness)[1]
 
@@ -117,6 +146,12 @@ def log_anisotropy(stiffness: ArrayLike) -> np.ndarray:
 def polycrystal_averages(stiffness: ArrayLike) -> dict[str, np.ndarray]:
     """Voigt's and Reuss's bulk and shear moduli (GPa) of `stiffness` (..., 6, 6) in GPa; Reuss's
     NaN where not Born-stable.
+
+    Examples
+    --------
+    >>> found = bi.polycrystal_averages(bi.stiffness("cubic", 168.4, 121.4, 75.4))
+    >>> {name: round(float(value), 1) for name, value in found.items()}
+    {'bulk_voigt': 137.1, 'shear_voigt': 54.6, 'bulk_reuss': 137.1, 'shear_reuss': 40.0}
     """
     names = ("bulk_voigt", "shear_voigt", "bulk_reuss", "shear_reuss")
     return dict(zip(names, _averages(stiffness)[2:]))
@@ -199,6 +234,12 @@ def halfspace_modulus(
     degrees; the two broadcast. `circular=True` gives the Vlassak-Nix value of a circular contact
     instead of Willis' ellipse; `threads` share the crystals. Raises `InputError` for a crystal or
     an angle that is not finite, a crystal that is not stable, or shapes that do not fit.
+
+    Examples
+    --------
+    >>> copper = bi.stiffness("cubic", 168.4, 121.4, 75.4)
+    >>> bi.halfspace_modulus(copper, [[0, 0, 0], [0, 54.7356, 45]]).round(1)
+    array([134. , 151.6])
     """
     rows, shape = crystal_rows(stiffness, euler_deg)
     return call("crystal.theory", **rows, threads=threads)["values"][int(circular)].reshape(shape)
@@ -211,6 +252,12 @@ def rayleigh_velocity(
     says whether the wave is detected. `stiffness` and `euler_deg` as in `halfspace_modulus`;
     `propagation_deg` (...), the direction in the surface, from the sample's x; `density_kg_m3`
     (...).
+
+    Examples
+    --------
+    >>> copper = bi.stiffness("cubic", 168.4, 121.4, 75.4)
+    >>> round(float(bi.rayleigh_velocity(copper, [0, 0, 0], 0, 8960)))
+    2012
     """
     return rayleigh_modes(stiffness, euler_deg, propagation_deg, density_kg_m3)[0]
 

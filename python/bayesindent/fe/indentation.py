@@ -42,6 +42,14 @@ class IndentationResult:
     whose contact is resolved. `modulus_by_depth_gpa` has the modulus of each depth alone,
     `modulus_slope_gpa` that of a line with intercept, and `modulus_of_mesh_gpa` that of each mesh,
     the finest first. Residuals are relative. `warning` names the error of the mesh if it is large.
+
+    Examples
+    --------
+    >>> result = bi.Indentation(geometry="halfspace", refine=0.6).run(
+    ...     bi.stiffness("cubic", 168.4, 121.4, 75.4), [0, 0, 0]
+    ... )
+    >>> len(result.depth_um) == len(result.force_mn) == 10
+    True
     """
 
     indentation_modulus_gpa: float
@@ -74,6 +82,13 @@ def film_modulus(
         Bunge-Euler angles, shape (..., 3), degrees; the two broadcast.
     threads : int, default 1
         Threads that share the crystals.
+
+    Examples
+    --------
+    >>> copper = bi.stiffness("cubic", 168.4, 121.4, 75.4)
+    >>> film = {"thickness_um": 1, "substrate_young_gpa": 70, "substrate_nu": 0.25}
+    >>> round(float(bi.film_modulus(copper, [0, 0, 0], **film)), 1)
+    112.5
     """
     rows, shape = crystal_rows(stiffness, euler_deg)
     film = grouped({"geometry": "film", **settings}, GROUPS)
@@ -87,6 +102,14 @@ class Indentation(NativeObject):
     Its keywords are the variables of the specimen, the indenter and the simulation;
     help(bi.Indentation.__init__) explains all `settings`. Raises `InputError` for wrong settings
     and `MachineError` if memory does not suffice.
+
+    Examples
+    --------
+    >>> indentation = bi.Indentation(geometry="halfspace", refine=0.6)
+    >>> copper = bi.stiffness("cubic", 168.4, 121.4, 75.4)
+    >>> modulus = indentation.run(copper, [0, 0, 0]).indentation_modulus_gpa
+    >>> abs(modulus / 134.0 - 1) < 0.1
+    True
     """
 
     kind = "indentation"

@@ -55,6 +55,12 @@ def next_grain(
     dict
         `suggestions`, each with `euler_deg`, `gain` and indices; the `unit` of the gain; and all
         `candidates`.
+
+    Examples
+    --------
+    >>> result = bi.extract("grains.csv", "cubic", technique="exact", samples=300)
+    >>> len(bi.next_grain(result, count=2)["suggestions"])
+    2
     """
     own = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge} | settings
     if hasattr(measurements, "posterior"):
@@ -131,6 +137,14 @@ def extract(
         `log_prior`, `posterior_predictive`, `observed_data` and `constant_data`. If a result
         cannot be used, its first warning says why. `bi.summary(result)` has mean, sd and shares of
         each constant.
+
+    Examples
+    --------
+    >>> known = {"bulk_modulus": (137, 3)}
+    >>> result = bi.extract("grains.csv", "cubic", knowledge=known, technique="exact")
+    >>> c44 = bi.summary(result)["parameters"]["C44"]
+    >>> c44["verdict"], abs(c44["mean"] - 75.4) < 3 * c44["sd"]
+    ('determined', True)
     """
     given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge}
     given |= {"references": references} | settings
@@ -180,6 +194,12 @@ def plan(
         lists.
     symmetry, surrogate, bounds, knowledge
         As in `bi.extract`.
+
+    Examples
+    --------
+    >>> found = bi.plan("cubic", [168.4, 121.4, 75.4], grains=[10], noise=[0.02], technique="exact")
+    >>> sorted(found["results"][0]["sd"])
+    ['C11', 'C12', 'C44']
     """
     surrogate = loaded(surrogate)
     problem = problem_of(
@@ -209,5 +229,11 @@ def summary(result: Any) -> dict:
     prior), `verdict`, `ess_bulk` and `r_hat` of each constant. Further entries are `usable` with
     `reasons`, `laboratory`, `assumptions`, `warnings`, `correlation`, `predicted` (of each grain),
     `identifiability`, `error_budget`, and more.
+
+    Examples
+    --------
+    >>> result = bi.extract("grains.csv", "cubic", technique="exact", samples=300)
+    >>> sorted(bi.summary(result)["parameters"])
+    ['C11', 'C12', 'C44']
     """
     return json.loads(result.posterior.attrs["summary"])

@@ -8,12 +8,21 @@ from ..core import InputError
 from .cli import parser
 from .commands import SUMMARIES
 
-#: Commands whose functions have the words of the command line, a file first. The others are
-#: functions with keywords of their own.
-NAMES = ("init", "table", "map", "run", "simulate", "theory", "next", "predict")
+#: Commands whose functions have the words of the command line, a file first, with the words of an
+#: example. The others are functions with keywords of their own.
+EXAMPLES = {
+    "init": "metal='Cu', output='new'",
+    "table": "'grains.csv'",
+    "map": "'map.nml'",
+    "run": "'grains.nml'",
+    "simulate": "'crystals.nml', output='simulated'",
+    "theory": "'crystals.nml', output='exact'",
+    "next": "'grains.nml'",
+    "predict": "surrogate='block', points='crystals.csv', symmetry='cubic'",
+}
 
 
-def function_of(name: str) -> Callable[..., dict]:
+def function_of(name: str, example: str) -> Callable[..., dict]:
     """The function of a command."""
 
     def command(*words: str | Path, **options: Any) -> dict:
@@ -31,9 +40,10 @@ def function_of(name: str) -> Callable[..., dict]:
     summary = SUMMARIES[name][1].capitalize()
     command.__doc__ = (
         f"{summary}.\n\nThe document of `bayesindent {name}`, whose words and options are those of "
-        "the command line: `output='DIR'` is --output DIR."
+        "the command line: `output='DIR'` is --output DIR.\n\nExamples\n--------\n"
+        f">>> document = bi.{name}({example})"
     )
     return command
 
 
-FUNCTIONS = {name: function_of(name) for name in NAMES}
+FUNCTIONS = {name: function_of(name, example) for name, example in EXAMPLES.items()}

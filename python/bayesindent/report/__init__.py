@@ -5,6 +5,12 @@ bi.report(folder, output=None, figures='', paper=False) writes report.html for t
 default the folder itself, or for a result the current folder. `figures`: 'png', 'pdf' or 'svg' to
 write every figure to figures/ as well. `paper`: write text, tables and figures for a paper to
 paper/. This package can be called, so that the function and the package share one name.
+
+Examples
+--------
+>>> result = bi.extract("grains.csv", "cubic", technique="exact", samples=300)
+>>> bi.report(result, "report").name
+'report.html'
 """
 
 import sys

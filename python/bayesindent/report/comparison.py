@@ -20,8 +20,18 @@ def compare(*results: Any, output: Any = None) -> dict:
 
     `constants`: a row for each constant of each run, with mean, sd and 95 % interval, and its
     difference from the first run's in sds of the difference; `models`: `arviz.compare` of runs of
-    the same moduli; `warnings`. `output`: a folder for
-    comparison.csv, comparison.json and forest.png.
+    the same moduli; `warnings`. `output`: a folder for comparison.csv, comparison.json and
+    forest.png.
+
+    Examples
+    --------
+    >>> known = {"bulk_modulus": (137, 3)}
+    >>> with_it, without = (
+    ...     bi.extract("grains.csv", "cubic", knowledge=each, technique="exact", samples=300)
+    ...     for each in (known, None)
+    ... )
+    >>> len(bi.compare(with_it, without)["constants"])
+    6
     """
     with using_documents(*(Path(each) for each in results if not hasattr(each, "posterior"))):
         return compare_all(results, output)

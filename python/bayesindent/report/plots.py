@@ -36,7 +36,7 @@ def plotter(name: str, figure: str) -> Callable:
     plot.__name__ = plot.__qualname__ = name
     plot.__doc__ = (
         f"The figure '{figure}' of the report as a matplotlib Figure, of a `result` of bi.extract "
-        "or a folder of results."
+        f"or a folder of results.\n\nExamples\n--------\n>>> figure = bi.{name}(result)"
     )
     return plot
 

@@ -4,6 +4,7 @@ name keywords in place of namelist variables.
 
 import difflib
 import inspect
+import re
 import sys
 import textwrap
 import warnings
@@ -74,8 +75,9 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
         origin = f"bi.{function.__qualname__.removesuffix('.__init__')}"
         signature = own.replace(parameters=[*stated.values(), *more])
         checked.__signature__ = signature  # type: ignore[attr-defined]
-        before, end, after = inspect.cleandoc(function.__doc__ or "").partition("\n\nReturns\n")
-        checked.__doc__ = "\n".join([before, *map(explained, listed)]) + end + after
+        text = inspect.cleandoc(function.__doc__ or "")
+        before, *after = re.split(r"\n(?=\n(?:Returns|Examples)\n)", text, maxsplit=1)
+        checked.__doc__ = "\n".join([before, *map(explained, listed), *after])
         return checked
 
     return decorate

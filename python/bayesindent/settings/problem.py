@@ -139,6 +139,12 @@ class Problem(NativeObject):
     has the group. `crystals`, `measurements`, `candidates` (of &design) and `grains` (of &next) are
     the tables (`Points`) that it names, or None. Raises `InputError` with one line that names file,
     group and variable.
+
+    Examples
+    --------
+    >>> problem = bi.Problem("grains.nml", "extract")
+    >>> problem.settings.problem.symmetry, len(problem.measurements)
+    ('cubic', 10)
     """
 
     kind = "problem"

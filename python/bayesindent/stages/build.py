@@ -30,6 +30,15 @@ def build_surrogate(
     in GPa, or raises `BayesindentError` if it fails. It needs &simulation simulator = 'import',
     under which its results are stored. &execution workers threads call it at once (0: one for each
     core).
+
+    Examples
+    --------
+    >>> def simulate(stiffness, euler_deg):
+    ...     return 1.01 * float(bi.halfspace_modulus(stiffness, euler_deg))
+    >>> surrogate = bi.build("build.nml", "runs/build", simulate=simulate)
+    >>> mean, sd = surrogate.predict(bi.stiffness("cubic", 168.4, 121.4, 75.4), [0, 0, 0])
+    >>> abs(float(mean) / (1.01 * 134.0) - 1) < 0.01
+    True
     """
     if not isinstance(problem, Problem):
         problem = Problem(problem, "build")

@@ -66,6 +66,13 @@ def curves(
         references only ratios of the moduli are known.
     crystal_sd : float, optional
         Relative sd of the moduli of references that are crystals.
+
+    Examples
+    --------
+    >>> quartz = {"quartz": (72, 0.5, 0.17)}
+    >>> moduli = bi.curves("curves.csv", "tests.csv", references=quartz, radius_um=5.0)
+    >>> len(moduli.table["grain"])
+    14
     """
     # Importing it takes time.
     from tempfile import TemporaryDirectory

@@ -43,6 +43,19 @@ class Surrogate(NativeObject):
     posterior mean; `alpha` and `beta` are the precisions of the prior and of the noise, all in
     units of y; `fall` is the decay rate of the prior's sd from degree to degree; `provenance` has
     the title, physics, namelist and so on.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> rng = np.random.default_rng(1)
+    >>> constants = np.array([168.4, 121.4, 75.4]) * rng.uniform(0.95, 1.05, (30, 3))
+    >>> angles = rng.uniform(0, 90, (30, 3))
+    >>> moduli = bi.halfspace_modulus(bi.stiffness("cubic", *constants.T), angles)
+    >>> domain = {"c_min": [150, 110, 65], "c_max": [185, 135, 85]}
+    >>> surrogate = bi.Surrogate.fit(
+    ...     constants, angles, moduli, symmetry="cubic", domain=domain, degree=1
+    ... )
+    >>> mean, sd = surrogate.predict(bi.stiffness("cubic", 168.4, 121.4, 75.4), [0, 0, 0])
     """
 
     kind = "surrogate"
