@@ -106,10 +106,7 @@ def test_numbers_of_numpy_and_the_symmetry_by_keyword(result):
         symmetry="cubic",
         knowledge=arrays,
         seed=np.array(3),
-        samples=300,
-        burn_in=300,
-        chains=2,
-        technique="exact",
+        **FEW,
     )
     assert (draws(again) == draws(result)).all()
     other = quietly(bi.extract, IRON, "cubic", knowledge=KNOWN, seed=4, **FEW)
@@ -141,9 +138,8 @@ def test_numbers_of_numpy_and_the_symmetry_by_keyword(result):
         ),
         ({"knowledge": {"bulk": (165, 3)}}, "bi.extract: knowledge: 'bulk' is unknown"),
         (
-            {"synthetic": "yes"},
-            "bi.extract: synthetic: the text 'yes' stands where a "
-            "logical is needed; allowed .true., .false.",
+            {"samples": "many"},
+            "bi.extract: samples: the text 'many' stands where an integer is needed",
         ),
     ],
 )
