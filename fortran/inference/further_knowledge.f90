@@ -3,8 +3,8 @@
 !>
 !> The gain follows from the covariance of the draws (linear update). A quantity that follows from
 !> &knowledge, or from an earlier one, in every crystal of the class is left out. The accuracy of a
-!> modulus is an sd in GPa, since its true value may be far from its mean here, and the resulting sds
-!> scale with it.
+!> modulus is an sd in GPa, since its true value may be far from its mean here, and the sds that
+!> result scale with it.
 !>
 !> Conflict of the knowledge with all other information (measurements and the rest of the prior), in
 !> sds.

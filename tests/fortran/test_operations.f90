@@ -170,8 +170,8 @@ contains
 
          call self%prepare(x%error)
          if (allocated(x%error)) return
-         call sample_aside(self%problem, self%posterior, run_type(1000, 50, 1, 1, .false.), chains, &
-            & x%error)
+         call sample_aside(self%problem, self%posterior, run_type(1000, 50, 1, 1, .false.), &
+            & chains, x%error)
          if (allocated(x%error)) return
          call self%posterior%set_field_degree(degree, x%error)
          if (allocated(x%error)) return
