@@ -180,8 +180,9 @@ def test_the_table_of_hysitron(tmp_path):
     points = read_measurements(tmp_path / "a.txt", "cubic")
     assert points.modulus_kind == "effective_modulus"
     assert points.modulus_gpa.tolist() == [117.87, 124.54]
-    row = dict(zip(points.columns, points.rows[0], strict=True))
-    assert (float(row["x_um"]), float(row["y_um"])) == (-51700, 250)
+    table = points.problem.table
+    places = [float(table.cells[table.column(name)].iloc[0]) for name in ("x_um", "y_um")]
+    assert places == [-51700, 250]
 
 
 CRYSTALS = {
