@@ -131,7 +131,7 @@ def test_columns_of_the_user_go_before(tmp_path):
         path, [(6.0, 5.0), (2.0, 5.0)], grain=["a", "b"], grain_radius_um=[50.0, 60.0]
     )
     assert problem.measurements.names == ["a", "b"]
-    assert "grain_radius_um" in problem.measurements.columns
+    assert "grain_radius_um" in problem.table.meanings
     assert measured(path, [(6.0, 5.0)], **{"Grain ID": ["c"]}).measurements.names == ["c"]
     with pytest.raises(
         bi.InputError,

@@ -103,6 +103,5 @@ def along(euler_deg):
 
 def columns(problem, *names):
     """The values that the map added to the table, for each of these columns."""
-    header = problem.measurements.columns
-    of_each = list(zip(*problem.measurements.rows, strict=True))
-    return [list(of_each[header.index(name)]) for name in names]
+    table = problem.table
+    return [list(table.cells[table.column(name)]) for name in names]
