@@ -55,7 +55,7 @@ contains
       type(fit_type), intent(out) :: fit
       real(wp), parameter :: first_axis = 0.05_wp, widenings(2) = [8.0_wp, 2.5_wp]
       type(posterior_type) :: limited, smooth
-      real(wp) :: rough_integral
+      real(wp) :: rough_integral, start(posterior%dimension)
       integer :: i, n
 
       n = posterior%dimension
@@ -68,6 +68,7 @@ contains
             end associate
          end do
       end associate
+      start = fit%maximum
       do i = 1, n
          fit%axes(i, i) = first_axis
       end do
@@ -83,7 +84,8 @@ contains
       smooth%scale = posterior%scale
       call climb(smooth, fit)
       rough_integral = fit%log_integral
-      if (posterior%prior%is_cut() .or. is_precise) call integrate(limited, smooth, fit)
+      if (.not. posterior%prior%is_cut()) start = fit%maximum
+      if (posterior%prior%is_cut() .or. is_precise) call integrate(limited, smooth, start, fit)
       if (posterior%prior%is_cut()) rough_integral = fit%log_integral
       if (.not. fit%found) return
       fit%log_z = fit%log_integral - log_mass(posterior)
@@ -232,20 +234,22 @@ contains
 
    !> Improve the integral of a fit by importance sampling. The weights of a first round tell where
    !> along the ridge a second one draws.
-   subroutine integrate(density, smooth, fit)
+   subroutine integrate(density, smooth, start, fit)
       class(target_type), intent(in) :: density
       !> A density whose ridge is near that of the first: the same without its limits.
       class(target_type), intent(in) :: smooth
+      !> A point, about which the first round draws: within limits it is nearer than the maximum.
+      real(wp), intent(in) :: start(:)
       !> Fit of `smooth`, in place of which that of `density` is returned.
       type(fit_type), intent(inout) :: fit
       !> Points along the ridge, and draws about each; degrees of freedom of Student's t; least
       !> effective number of points along the ridge.
-      integer, parameter :: nodes = 64, draws = 6, freedom = 6
-      real(wp), parameter :: widening = 1.15_wp, least_effective = 6.0_wp
+      integer, parameter :: nodes = 64, draws = 6, freedom = 6, most_rounds = 8
+      real(wp), parameter :: widening = 1.15_wp, least_effective = 6.0_wp, enough = 20.0_wp
       type(random_stream_type) :: stream
       real(wp), allocatable :: z(:, :), centre(:, :), log_q(:), heights(:), mean(:), factor(:, :)
       integer :: n, n_long, j, m, round
-      real(wp) :: top, node_weights(nodes)
+      real(wp) :: top, node_weights(nodes), effective
 
       n = size(fit%maximum)
       n_long = count(norm2(fit%axes, dim=1) > long_axis)
@@ -254,8 +258,9 @@ contains
       allocate (mean(n_long), factor(n_long, n_long), source=0.0_wp)
       do j = 1, n_long
          factor(j, j) = 1.0_wp
+         mean(j) = dot_product(fit%axes(:, j), start - fit%maximum)/sum(fit%axes(:, j)**2)
       end do
-      do round = 1, 2
+      do round = 1, most_rounds
          centre = 0.0_wp
          do j = 1, nodes
             call draw_student(centre(:n_long, j), top)
@@ -275,13 +280,17 @@ contains
          fit%weights = max(heights, far_below) - log_q
          top = maxval(fit%weights)
          fit%found = top > 0.5_wp*far_below
-         if (.not. fit%found) return
+         if (.not. fit%found) then
+            factor = 0.5_wp*factor
+            cycle
+         end if
          fit%weights = exp(max(-700.0_wp, fit%weights - top))
          fit%log_integral = top + log(sum(fit%weights)/size(log_q)) + log_volume_of(fit%axes)
          fit%weights = fit%weights/sum(fit%weights)
          node_weights = sum(reshape(fit%weights, [draws, nodes]), 1)
-         fit%found = 1.0_wp/sum(node_weights**2) > least_effective
-         if (n_long == 0 .or. round == 2) exit
+         effective = 1.0_wp/sum(node_weights**2)
+         fit%found = effective > least_effective
+         if (n_long == 0 .or. (round > 1 .and. effective > enough)) exit
          call adapt()
       end do
 

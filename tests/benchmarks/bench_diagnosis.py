@@ -6,6 +6,7 @@ before any result; no threshold was chosen on these crystals.
 
     ./bayesindent bench diagnosis
     ./bayesindent bench diagnosis --sets 1 --clean 20 --size 0.5
+    ./bayesindent bench diagnosis --evidence 20
 """
 
 import argparse
@@ -14,9 +15,9 @@ from collections import Counter
 
 import numpy as np
 
-import bayesindent as bi
-from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
+from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
 from support.densities import Posterior
+from support.evidence import THEORY, laplace_log_z, nested_log_z
 
 #: Class and constants, GPa.
 CRYSTALS = {
@@ -27,7 +28,6 @@ CRYSTALS = {
     "quartz": ("trigonal", (86.8, 7.0, 11.9, -18.0, 105.8, 58.2)),
 }
 GRAINS, NOISE = 24, 0.02
-THEORY = bi.Surrogate.load("halfspace")
 
 
 def scaled(rows, factor):
@@ -135,6 +135,27 @@ def is_refused(found: dict) -> bool:
     return misfit or found["log_odds"][0] > 7
 
 
+def compare_evidence(count: int) -> None:
+    """Print log Z of right tables within random bounds, and that of nested sampling."""
+    print("| crystal | bounds relative to the constants | nested sampling | here |")
+    print("|---|---|---|---|")
+    for i in range(count):
+        name = list(CRYSTALS)[i % 3]
+        symmetry, constants = CRYSTALS[name]
+        table, rng = measured(name, 7000 + i)
+        low, high = 1 - rng.uniform(0.02, 0.5), 1 + rng.uniform(0.02, 0.5)
+        bounds = {
+            constant: (low * value, high * value)
+            for constant, value in zip(constant_names(symmetry), constants, strict=True)
+        }
+        expected, error = nested_log_z(table, bounds, symmetry=symmetry)
+        found = laplace_log_z(table, bounds, symmetry=symmetry)
+        print(
+            f"| {name} | {low:.2f} .. {high:.2f} | {expected:.2f} ± {error:.2f} | {found:.2f} |",
+            flush=True,
+        )
+
+
 def main(argv=None) -> None:
     """Print the confusion matrix and what is said of clean tables."""
     parser = argparse.ArgumentParser(
@@ -145,7 +166,16 @@ def main(argv=None) -> None:
     parser.add_argument("--sets", type=int, default=5, help="tables for a fault and crystal")
     parser.add_argument("--clean", type=int, default=200, help="tables without a fault")
     parser.add_argument("--size", type=float, default=1.0, help="factor on the sizes of the faults")
+    parser.add_argument(
+        "--evidence",
+        type=int,
+        default=0,
+        help="tables whose log Z is compared; nothing else is done",
+    )
     arguments = parser.parse_args(argv)
+    if arguments.evidence:
+        compare_evidence(arguments.evidence)
+        return
     began = time.process_time()
     header = ["symmetry", "orientations", "time", "noise", "statements", "none"]
     print("| fault | group | " + " | ".join(header) + " |")

@@ -2,12 +2,16 @@
 they change it; what is stated right stays usable.
 """
 
+import time
+
 import numpy as np
 import pytest
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import constant_names, halfspace_modulus, stiffness_rows
+from support.densities import Posterior
 from support.diagnostics import codes, of_code
+from support.evidence import THEORY, laplace_log_z, nested_log_z
 from support.step_2_cases import KIND
 
 SHORT = {"samples": 25, "burn_in": 400, "chains": 2, "technique": "exact"} | KIND
@@ -15,6 +19,8 @@ CRYSTALS = {
     "copper": ("cubic", (168.4, 121.4, 75.4)),
     "zinc": ("hexagonal", (163.7, 36.4, 38.8, 63.5, 53.0)),
     "titanium": ("hexagonal", (162.4, 92.0, 46.7, 180.7, 69.0)),
+    "tungsten": ("cubic", (523.0, 203.0, 160.0)),
+    "aluminium": ("cubic", (107.3, 60.8, 28.3)),
     "tin": ("tetragonal", (72.3, 59.4, 35.8, 88.4, 22.0, 24.0)),
 }
 
@@ -50,6 +56,11 @@ def diagnosed(table, symmetry, **settings):
         of_class = rival["remedy"].partition("symmetry = ")[2].strip("'") or symmetry
         assert list(rival["constants"]) == list(constant_names(of_class))
     return document
+
+
+def compared(table, symmetry, **settings):
+    """What explains a table, without chains; see `diagnose` of `Posterior`."""
+    return Posterior.of(table, surrogate=THEORY, symmetry=symmetry, **KIND, **settings).diagnose()
 
 
 def assert_unusable(document, *expected):
@@ -157,11 +168,91 @@ def test_clean_tables(name):
     )
 
 
+@pytest.mark.parametrize(
+    ("name", "grains"),
+    [("copper", 5), ("copper", 20), ("copper", 200), ("tungsten", 40), ("aluminium", 40)],
+)
+def test_clean_tables_of_few_and_many_grains(name, grains):
+    """Also of crystals that are nearly isotropic."""
+    found = compared(measured(name, grains, 7)[0], "cubic")
+    assert found["log_odds"][0] < 3
+    assert found["p"] > 1e-3
+
+
+def test_a_thousand_grains_with_sds_12_percent_too_small():
+    """Chi-square finds it, but it hardly matters."""
+    found = compared(measured("copper", 1000, 5, stated=0.02 * 0.88)[0], "cubic")
+    assert found["log_odds"][0] < 7
+    assert found["p"] < 1e-6 and found["factor"] < 1.3
+
+
+def test_two_outliers_of_six_hundred_grains():
+    table, _ = measured("copper", 600)
+    table["modulus_gpa"][[122, 457]] *= 1.3
+    found = compared(table, "cubic")
+    assert found["rivals"][0] == "noise: outliers: 123, 458" and found["log_odds"][0] > 100
+
+
+def test_a_crystal_that_contradicts_the_default_prior():
+    """Bulk over shear modulus is a thirtieth of the usual: neither a measurement nor the knowledge
+    alone is blamed.
+    """
+    bulk, shear = 4.0, 45.0
+    symmetry, _ = CRYSTALS["copper"]
+    table, rng = measured("copper")
+    constants = (bulk + 4 * shear / 3, bulk - 2 * shear / 3, 50.0)
+    modulus = halfspace_modulus(stiffness_rows(symmetry, [constants])[0], table["euler_deg"])
+    table["modulus_gpa"] = modulus * (1 + 0.02 * rng.normal(size=20))
+    table["sd_gpa"] = 0.02 * modulus
+    document = diagnosed(table, symmetry, knowledge={"bulk_modulus": (bulk, 0.1)})
+    named = of_code(document["warnings"], "other_model", "other_model_likely")
+    assert "a crystal that the default prior takes as improbable" in named[0]["subject"]
+    assert not of_code(document["warnings"], "knowledge_contradicts", "knowledge_conflict")
+    assert document["diagnosis"][2]["log_odds"] < 3
+
+
+@pytest.mark.parametrize("name", ["copper", "titanium"])
+def test_evidence_against_nested_sampling(name):
+    """A ridge that bounds cut, in three dimensions and in five."""
+    table, _ = measured(name)
+    symmetry, constants = CRYSTALS[name]
+    bounds = {
+        constant: (0.75 * value, 1.2 * value)
+        for constant, value in zip(constant_names(symmetry), constants, strict=True)
+    }
+    expected, error = nested_log_z(table, bounds, symmetry=symmetry)
+    assert laplace_log_z(table, bounds, symmetry=symmetry) == pytest.approx(
+        expected, abs=0.5 + 2 * error
+    )
+
+
 def test_bounds_that_exclude_the_crystal():
     table, _ = measured("copper", 40)
     bounds = {"C11": (100, 300), "C12": (50, 250), "C44": (110, 160)}
     document = diagnosed(table, "cubic", bounds=bounds)
     assert_unusable(document, "limit_excludes")
+
+
+def test_bounds_of_another_unit_end_in_bounded_time():
+    """C44 of copper within 500 .. 600: only extremely anisotropic crystals are left."""
+    table, _ = measured("copper")
+    bounds = {"C11": (100, 300), "C12": (50, 250), "C44": (500, 600)}
+    start = time.process_time()
+    document = diagnosed(table, "cubic", bounds=bounds)
+    assert time.process_time() - start < 60
+    assert_unusable(document, "limit_excludes", "other_model", "residuals_wrong")
+    assert document["diagnosis"][0]["explanation"] == "crystals beyond the limits of the prior"
+
+
+def test_a_compressibility_in_the_wrong_unit():
+    """2.4 1/TPa, as 0.0024 1/GPa."""
+    table, _ = measured("copper")
+    start = time.process_time()
+    document = diagnosed(table, "cubic", knowledge={"compressibility[100]": (0.0024, 0.00005)})
+    assert time.process_time() - start < 60
+    assert_unusable(document, "knowledge_wrong")
+    named = [rival["explanation"] for rival in document["diagnosis"][:2]]
+    assert "compressibility[100] = 0.0024 of another crystal" in named
 
 
 def test_object():
