@@ -440,6 +440,7 @@ contains
       type(table_type) :: table
       type(points_type) :: measurements
       real(wp), allocatable :: weight(:)
+      character(len=:), allocatable :: name
       logical :: radians
       integer :: column, i
 
@@ -449,8 +450,13 @@ contains
       call parse_table(content, table, error)
       if (allocated(self%settings%measurements%file) .and. .not. allocated(error)) then
          column = foreign_column(table)
-         if (column > 0 .and. table%columns > 1) then
-            call self%refuse_table(' has the column '''//printable(table%name(column))//'''', error)
+         name = ''
+         if (column > 0) name = printable(table%name(column))
+         if (index(name, 'other_') == 1) then
+            call refuse(error, 'the column '//name//' is not allowed; leave out the rows with ' &
+               & //'other_probability above 0.05, and the columns other_*')
+         else if (column > 0 .and. table%columns > 1) then
+            call self%refuse_table(' has the column '''//name//'''', error)
          else if (radians) then
             call self%refuse_table(' has angles in radians', error)
          end if

@@ -357,34 +357,99 @@ contains
       real(wp), intent(inout) :: a(lanes, 9), d(lanes, 6), e(lanes, 6)
       !> Largest change of an element of A, which has no unit.
       real(wp), intent(out) :: change
-      real(wp), dimension(lanes, 6) :: p, s, t
-      real(wp), dimension(lanes, 9) :: x, k, w
-      real(wp) :: largest(lanes)
+      real(wp) :: p1, p2, p3, p4, p5, p6, k11, k21, k31, k12, k22, k32, k13, k23, k33, s1, s2, s3, &
+         & s4, s5, s6, t1, t2, t3, t4, t5, t6, w11, w21, w31, w12, w22, w32, w13, w23, w33, scale
       integer :: i
 
-      ! P = D^-1, K = P A, S = E - A^T K, and its inverse T, the upper right block of F^-1; W = T
-      ! K^T: F^-1 = [-W, T; P + W^T K^T, -W^T].
-      call invert(d, p)
-      call multiply(p, a, k)
-      call multiply_transposed(a, k, t)
-      s = e - t
-      call invert(s, t)
-      t = 0.5_wp*t
-      ! A vector subscript would be slow.
-      do i = 1, 9
-         x(:, i) = k(:, transposed(i))
+      ! K = D^-1 A, S = E - A^T K, and its inverse T, the upper right block of F^-1; W = T K^T: F^-1
+      ! = [-W, T; D^-1 + W^T K^T, -W^T]. Scalars stay in registers.
+      change = 0.0_wp
+      !$omp simd simdlen(8) reduction(max: change)
+      do i = 1, lanes
+         p1 = d(i, 2)*d(i, 3) - d(i, 4)*d(i, 4)
+         p2 = d(i, 1)*d(i, 3) - d(i, 5)*d(i, 5)
+         p3 = d(i, 1)*d(i, 2) - d(i, 6)*d(i, 6)
+         p4 = d(i, 6)*d(i, 5) - d(i, 1)*d(i, 4)
+         p5 = d(i, 6)*d(i, 4) - d(i, 2)*d(i, 5)
+         p6 = d(i, 4)*d(i, 5) - d(i, 6)*d(i, 3)
+         scale = 1.0_wp/(d(i, 1)*p1 + d(i, 6)*p6 + d(i, 5)*p5)
+         p1 = p1*scale
+         p2 = p2*scale
+         p3 = p3*scale
+         p4 = p4*scale
+         p5 = p5*scale
+         p6 = p6*scale
+         k11 = p1*a(i, 1) + p6*a(i, 2) + p5*a(i, 3)
+         k21 = p6*a(i, 1) + p2*a(i, 2) + p4*a(i, 3)
+         k31 = p5*a(i, 1) + p4*a(i, 2) + p3*a(i, 3)
+         k12 = p1*a(i, 4) + p6*a(i, 5) + p5*a(i, 6)
+         k22 = p6*a(i, 4) + p2*a(i, 5) + p4*a(i, 6)
+         k32 = p5*a(i, 4) + p4*a(i, 5) + p3*a(i, 6)
+         k13 = p1*a(i, 7) + p6*a(i, 8) + p5*a(i, 9)
+         k23 = p6*a(i, 7) + p2*a(i, 8) + p4*a(i, 9)
+         k33 = p5*a(i, 7) + p4*a(i, 8) + p3*a(i, 9)
+         s1 = e(i, 1) - (a(i, 1)*k11 + a(i, 2)*k21 + a(i, 3)*k31)
+         s2 = e(i, 2) - (a(i, 4)*k12 + a(i, 5)*k22 + a(i, 6)*k32)
+         s3 = e(i, 3) - (a(i, 7)*k13 + a(i, 8)*k23 + a(i, 9)*k33)
+         s4 = e(i, 4) - (a(i, 4)*k13 + a(i, 5)*k23 + a(i, 6)*k33)
+         s5 = e(i, 5) - (a(i, 1)*k13 + a(i, 2)*k23 + a(i, 3)*k33)
+         s6 = e(i, 6) - (a(i, 1)*k12 + a(i, 2)*k22 + a(i, 3)*k32)
+         t1 = s2*s3 - s4*s4
+         t2 = s1*s3 - s5*s5
+         t3 = s1*s2 - s6*s6
+         t4 = s6*s5 - s1*s4
+         t5 = s6*s4 - s2*s5
+         t6 = s4*s5 - s6*s3
+         scale = 0.5_wp/(s1*t1 + s6*t6 + s5*t5)
+         t1 = t1*scale
+         t2 = t2*scale
+         t3 = t3*scale
+         t4 = t4*scale
+         t5 = t5*scale
+         t6 = t6*scale
+         ! From here on T and W are halved.
+         w11 = t1*k11 + t6*k12 + t5*k13
+         w21 = t6*k11 + t2*k12 + t4*k13
+         w31 = t5*k11 + t4*k12 + t3*k13
+         w12 = t1*k21 + t6*k22 + t5*k23
+         w22 = t6*k21 + t2*k22 + t4*k23
+         w32 = t5*k21 + t4*k22 + t3*k23
+         w13 = t1*k31 + t6*k32 + t5*k33
+         w23 = t6*k31 + t2*k32 + t4*k33
+         w33 = t5*k31 + t4*k32 + t3*k33
+         d(i, 1) = 0.5_wp*d(i, 1) - t1
+         d(i, 2) = 0.5_wp*d(i, 2) - t2
+         d(i, 3) = 0.5_wp*d(i, 3) - t3
+         d(i, 4) = 0.5_wp*d(i, 4) - t4
+         d(i, 5) = 0.5_wp*d(i, 5) - t5
+         d(i, 6) = 0.5_wp*d(i, 6) - t6
+         e(i, 1) = 0.5_wp*(e(i, 1) - p1) - (w11*k11 + w21*k12 + w31*k13)
+         e(i, 2) = 0.5_wp*(e(i, 2) - p2) - (w12*k21 + w22*k22 + w32*k23)
+         e(i, 3) = 0.5_wp*(e(i, 3) - p3) - (w13*k31 + w23*k32 + w33*k33)
+         e(i, 4) = 0.5_wp*(e(i, 4) - p4) - (w12*k31 + w22*k32 + w32*k33)
+         e(i, 5) = 0.5_wp*(e(i, 5) - p5) - (w11*k31 + w21*k32 + w31*k33)
+         e(i, 6) = 0.5_wp*(e(i, 6) - p6) - (w11*k21 + w21*k22 + w31*k23)
+         w11 = w11 - 0.5_wp*a(i, 1)
+         w21 = w21 - 0.5_wp*a(i, 2)
+         w31 = w31 - 0.5_wp*a(i, 3)
+         w12 = w12 - 0.5_wp*a(i, 4)
+         w22 = w22 - 0.5_wp*a(i, 5)
+         w32 = w32 - 0.5_wp*a(i, 6)
+         w13 = w13 - 0.5_wp*a(i, 7)
+         w23 = w23 - 0.5_wp*a(i, 8)
+         w33 = w33 - 0.5_wp*a(i, 9)
+         change = max(change, abs(w11), abs(w21), abs(w31), abs(w12), abs(w22), abs(w32), &
+            & abs(w13), abs(w23), abs(w33))
+         a(i, 1) = a(i, 1) + w11
+         a(i, 2) = a(i, 2) + w21
+         a(i, 3) = a(i, 3) + w31
+         a(i, 4) = a(i, 4) + w12
+         a(i, 5) = a(i, 5) + w22
+         a(i, 6) = a(i, 6) + w32
+         a(i, 7) = a(i, 7) + w13
+         a(i, 8) = a(i, 8) + w23
+         a(i, 9) = a(i, 9) + w33
       end do
-      call multiply(t, x, w)
-      d = 0.5_wp*d - t
-      call multiply_transposed(w, x, s)
-      e = 0.5_wp*(e - p) - s
-      w = w - 0.5_wp*a
-      largest = 0.0_wp
-      do i = 1, 9
-         largest = max(largest, abs(w(:, i)))
-      end do
-      change = maxval(largest)
-      a = a + w
    end subroutine double_angles
 
    !> Set `inverse` to the inverses of symmetric matrices `a`, by the components 11, 22, 33, 23,

@@ -276,6 +276,7 @@ def test_texts_are_escaped_wherever_they_enter_latex():
     document = {
         "reasons": [r"\input{x} 5 % of $a_1$"],
         "parameters": {},
+        "checks": {},
         "predicted": [{"measured": 1.0}],
         "prior": {"density": ["#"], "knowledge": [known], "surrogate": "&"},
         "method": "&",

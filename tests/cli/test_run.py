@@ -155,14 +155,14 @@ def check_page(text):
     assert page.open == []
     # Every section has a picture but tables of grains and where the results come from.
     assert page.illustrated == {*page.headings[1:]} - {
-        "What no measurement can refute",
+        "What the result rests on",
         "Grains and quantities",
         "Provenance",
     }
     assert all(len(words) > 20 for words in page.pictures)
     assert page.headings[1:] == [
+        "What the result rests on",
         "What to do next",
-        "What no measurement can refute",
         "The result in figures",
         "How well the surrogate predicts",
         "Grains and quantities",

@@ -187,13 +187,19 @@ def test_measured_anew(rough):
 def test_checks_of_a_known_crystal():
     """Chi-square of eleven normal residuals has a closed form."""
     case, _ = reference("cubic")
-    _, measured, sd = columns("cubic")
+    angles, measured, sd = columns("cubic")
     model = theory_surrogate("cubic", 2, 4, points=400)
-    result = known_crystal(model, case, surrogate_variance="none")
+    truth = dict(zip(("C11", "C12", "C44"), case["truth"], strict=True))
+    result = bi.extract(
+        table_of(angles, measured, sd),
+        "cubic",
+        surrogate=model,
+        surrogate_variance="none",
+        knowledge={name: (value, 0.01) for name, value in truth.items()},
+        **KIND | SHORT,
+    )
     found = bi.summary(result)["checks"]["misfit"]
-    residuals = (
-        measured - result.predictions["modulus"].values.reshape(-1, len(measured)).mean(axis=0)
-    ) / sd
+    residuals = (measured - model.predict(bi.stiffness("cubic", **truth), angles)[0]) / sd
     assert found["chi_square"] == pytest.approx((residuals**2).sum(), rel=0.01)
     # Moduli show two of the three constants of a cubic crystal.
     assert found["freedom"] == len(sd) - 2

@@ -244,9 +244,7 @@ def sampled(folder, groups):
     }
     with pytest.warns(bi.BayesindentWarning):
         result = bi.extract(GRAINS, surrogate=of_cubic_crystals(), **KIND | settings)
-    return {
-        name: values.values.tolist() for name, values in result.posterior.items()
-    }, "evidence" in bi.summary(result)
+    return {name: values.values.tolist() for name, values in result.posterior.items()}
 
 
 def files_of_extract(folder, groups):
@@ -578,7 +576,6 @@ EFFECTS = {
         "burn_in": (sampled, {}, 40),
         "chains": (sampled, {}, 3),
         "surrogate_variance": (density, {}, "none"),
-        "evidence": (sampled, {}, True),
         "draws": (files_of_extract, {}, "csv"),
     },
     "next": {
@@ -618,7 +615,6 @@ def test_every_variable_is_here():
     "sampler-method",
     "sampler-samples",
     "sampler-chains",
-    "sampler-evidence",
     "execution-engine",
     "problem-seed",
     "next-target",

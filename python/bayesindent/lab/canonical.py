@@ -38,7 +38,7 @@ from .columns import (
 from .header import table_of_rows
 from .joining import add_orientations_of_file
 from .means import standard_errors
-from .reading import MOST_ROWS, rows_of_columns, rows_of_file
+from .reading import MOST_ROWS, Rows, rows_of_columns, rows_of_file
 from .table import LaboratoryTable
 
 if TYPE_CHECKING:
@@ -129,6 +129,8 @@ def canonical_table(
     for name in table.names:
         if hint := hint_of(name):
             table.note(f"the column {name} is not read{hint}")
+    if not table.notes and not indented and has_plain_text(table, found):
+        return Canonical(table, found.text)
     if radians:
         convert_radians(table)
     return Canonical(table, page_of(table, source, stated("modulus_kind")), indented)
@@ -145,6 +147,11 @@ def resolve(table: LaboratoryTable, given: Mapping[str, str], kind: str | None) 
         meanings[j] = given.get(name, meanings[j])
     for meaning in {*meanings} - {"", "sd_gpa"}:
         choose_column(table, meaning)
+    if "other_probability" in names:
+        raise InputError(
+            "the column other_probability is not allowed; leave out the rows with "
+            "other_probability above 0.05, and the columns other_*"
+        )
     kinds = [meaning_of(name) for name in names]
     choose_modulus(table, kind)
     modulus = table.column(*MODULI)
@@ -373,6 +380,15 @@ def convert_radians(table: LaboratoryTable) -> None:
             degrees = table.cells[j].map(value_of) / (math.pi / 180)
             degrees[degrees.between(180, 180.01)] = 180.0
             table.cells[j] = list(map(repr, degrees.tolist()))
+
+
+def has_plain_text(table: LaboratoryTable, found: Rows) -> bool:
+    """Whether the text of the file is the canonical table as it is."""
+    if table.names != table.meanings or any(table.units):
+        return False
+    lines = [line for line in found.text.splitlines() if line.strip() and line[0] != "#"]
+    rows = [list(map(str.strip, row)) for row in csv.reader(lines)]
+    return rows == [table.names, *table.cells.to_numpy().tolist()]
 
 
 def page_of(table: LaboratoryTable, source: Path | Mapping, kind: str | None) -> str:

@@ -36,6 +36,8 @@ def add_orientations_of_file(table: LaboratoryTable, path: Path, by: str) -> Non
         raise InputError(f"the table of moduli has orientations too: the column {given[0]}")
     other = orientations_of_file(path)
     names = [name for name in other.meanings if name in ANGLES or name in DIRECTIONS]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise InputError(f"{min(twice)} has several columns; one of them is allowed")
     cells = other.cells[[other.column(name) for name in names]]
     if by == "order":
         if len(cells) != len(table.cells):

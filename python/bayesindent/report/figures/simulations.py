@@ -23,9 +23,11 @@ def load_depth(results: Results) -> Picture:
     left.legend(title="(φ₁, Φ, φ₂): modulus", loc="upper left")
     for axes, label in ((left, "force (mN)"), (right, "modulus of each depth alone (GPa)")):
         axes.set(xlabel="depth (nm)", ylabel=label, xlim=(0, None))
+    shape = results.settings["indenter"].get("shape", "paraboloid")
     return Picture(
         figure,
-        "Simulated indentations. Left: force over depth. Right: the modulus of each depth alone, "
-        "with the indentation modulus, a least-squares fit of the whole curve, as a line. The fit "
-        "leaves out the first depths, where the contact spans less than five elements.",
+        f"Simulated indentations under a rigid {shape}. Left: force over depth. Right: the modulus "
+        "of each depth alone, with the indentation modulus, a least-squares fit of the whole "
+        "curve, as a line. The fit leaves out the first depths, where the contact spans less than "
+        "five elements.",
     )
