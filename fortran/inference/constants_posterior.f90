@@ -82,9 +82,10 @@ module constants_posterior
       real(wp) :: scatter = 0.0_wp
    contains
       procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start
-      procedure :: set_field_degree, moduli_at, predict_measurements, evaluate_grains, &
-         & has_own_variance, scale_factor, grain_scatter, log_contrast, log_factor, &
-         & mean_factors, set_contrast, log_prior, stiffness, new_grains
+      procedure :: set_field_degree, moduli_at, predict_measurements, evaluate_grains, stiffness, &
+         & new_grains, log_prior
+      procedure :: has_own_variance, scale_factor, grain_scatter, log_contrast, set_contrast, &
+         & log_factor, mean_factors
    end type posterior_type
 
 contains

@@ -30,10 +30,11 @@ contains
       !> Mean and sd of the logarithm of the contrast.
       real(wp), intent(in) :: contrast(2)
       type(nuisance_type), allocatable :: nuisances(:)
+      real(wp) :: scatter(2)
 
-      nuisances = pack([nuisance_type('contrast', contrast), &
-         & nuisance_type('scatter', [log(max(settings%scatter_sd, tiny(1.0_wp))), &
-         & log_scatter_sd]), nuisance_type('sd_factor', log(factor_bounds), .false.)], &
+      scatter = [log(max(settings%scatter_sd, tiny(1.0_wp))), log_scatter_sd]
+      nuisances = pack([nuisance_type('contrast', contrast), nuisance_type('scatter', scatter), &
+         & nuisance_type('sd_factor', log(factor_bounds), .false.)], &
          & [contrast(2) > 0.0_wp, settings%scatter == 'inferred', settings%scale == 'inferred'])
    end function new_nuisances
 

@@ -267,7 +267,7 @@ contains
             centre(:n_long, j) = mean + matmul(factor, centre(:n_long, j))
             log_q((j - 1)*draws + 1:j*draws) = top - log_volume_of(factor)
          end do
-         if (n_long > 0 .and. n_long < n) call settle(smooth, fit, n_long, centre)
+         if (n_long > 0 .and. n_long < n) call move_to_ridge(smooth, fit, n_long, centre)
          do j = 1, size(log_q)
             m = 1 + (j - 1)/draws
             call draw_student(z(n_long + 1:, j), top)
@@ -337,7 +337,7 @@ contains
    end subroutine integrate
 
    !> Move points along the short axes to the ridge of a density.
-   subroutine settle(density, fit, n_long, z)
+   subroutine move_to_ridge(density, fit, n_long, z)
       class(target_type), intent(in) :: density
       type(fit_type), intent(in) :: fit
       integer, intent(in) :: n_long
@@ -376,6 +376,6 @@ contains
             end do
          end do
       end do
-   end subroutine settle
+   end subroutine move_to_ridge
 
 end module model_evidence

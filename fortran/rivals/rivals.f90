@@ -92,11 +92,11 @@ contains
          & row_type('orientations', make_any_order), &
          & row_type('time', make_drift), &
          & row_type('time', make_session, is_one=.true.), &
-         & row_type('noise', make_scale), &
-         & row_type('noise', make_scatter, is_one=.true.), &
+         & row_type('noise', make_scale)]
+      rows = [rows, row_type('noise', make_scatter, is_one=.true.), &
          & row_type('noise', make_outliers, is_one=.true., is_rough=.true.), &
-         & row_type('noise', make_phases, is_one=.true., is_rough=.true.), &
-         & row_type('statements', make_kind), &
+         & row_type('noise', make_phases, is_one=.true., is_rough=.true.)]
+      rows = [rows, row_type('statements', make_kind), &
          & row_type('statements', make_knowledge), &
          & row_type('statements', make_limits)]
    end function all_rows
@@ -217,14 +217,15 @@ contains
    !> Turn evidences into posterior odds, and sort them.
    subroutine weigh(diagnosis)
       type(diagnosis_type), intent(inout) :: diagnosis
-      integer :: order(size(diagnosis%rivals)), i, k
+      !> Rivals of the same group, those that were merged counted each.
+      integer :: order(size(diagnosis%rivals)), in_group, i, k
 
       associate (rivals => diagnosis%rivals)
          do k = 1, size(rivals)
+            in_group = sum([(merge(rivals(i)%merged, 0, rivals(i)%group == rivals(k)%group), &
+               & i=1, size(rivals))])
             rivals(k)%log_odds = rivals(k)%fit%log_z - diagnosis%stated%fit%log_z &
-               & - log(n_groups*sum([(merge(rivals(i)%merged, 0, &
-               & rivals(i)%group == rivals(k)%group), i=1, size(rivals))]) &
-               & /real(rivals(k)%merged, wp))
+               & - log(n_groups*in_group/real(rivals(k)%merged, wp))
          end do
          call sort_order(-rivals%log_odds, order)
       end associate

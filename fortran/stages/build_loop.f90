@@ -44,7 +44,7 @@ module build_loop
       integer, allocatable, private :: initial(:)
       !> Rows of the campaign on which the surrogate is not trained: those of an interrupted batch,
       !> and those beyond the budget.
-      type(known_rows_type), private :: unused
+      type(known_rows_type), private :: rest
       !> The design before the present choice, to which `undo_choice` reverts.
       type(design_type), allocatable, private :: design_before
       !> Numbers of the candidates of the present batch, and whether the variance chose them.
@@ -117,22 +117,22 @@ contains
             ! them.
             call select_rows(rows, learner%basis, self%candidates, &
                & self%problem%settings%design%reuse == 'chosen', allocated(self%focus), &
-               & self%unused, n_outside, error)
+               & self%rest, n_outside, error)
             if (allocated(error)) return
             if (allocated(self%focus)) then
                learning%settings%budget = min(learning%settings%budget, &
-                  & max(simulations_before, self%unused%n()))
+                  & max(simulations_before, self%rest%n()))
                learning%first = min(learning%first, learning%settings%budget)
             end if
             if (n_outside > 0) then
                call self%warn('simulations_outside', numbers=[real(n_outside, wp)])
             end if
-            self%n_failed = self%unused%failed
+            self%n_failed = self%rest%failed
             call train_on_rows(self, .true., error)
             if (allocated(error)) return
-            call self%unused%divide(is_trained)
+            call self%rest%divide(is_trained)
             where (is_trained) learner%design%available = .false.
-            if (any(self%unused%open)) then
+            if (any(self%rest%open)) then
                call update_posterior_mean(learner%design, .true., error)
             else
                call use_all_rows(self, error)
@@ -149,14 +149,14 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer :: complete, last
 
-      associate (unused => build%unused, learning => build%learning)
-         do while (unused%n() > 0 .and. learning%n() < learning%settings%budget)
+      associate (rest => build%rest, learning => build%learning)
+         do while (rest%n() > 0 .and. learning%n() < learning%settings%budget)
             complete = batch_end(learning)
-            if (whole .and. unused%n() < complete - learning%n()) exit
-            last = unused%taken + min(unused%n(), complete - learning%n())
-            call learn(learning, unused%constants(:, unused%taken + 1:last), unused%euler_deg(:, &
-               & unused%taken + 1:last), unused%modulus(unused%taken + 1:last), .false., error)
-            unused%taken = last
+            if (whole .and. rest%n() < complete - learning%n()) exit
+            last = rest%taken + min(rest%n(), complete - learning%n())
+            call learn(learning, rest%constants(:, rest%taken + 1:last), rest%euler_deg(:, &
+               & rest%taken + 1:last), rest%modulus(rest%taken + 1:last), .false., error)
+            rest%taken = last
             if (learning%n() == complete .and. .not. allocated(error)) then
                call close_batch(learning, .false., error)
             end if
@@ -171,8 +171,8 @@ contains
       class(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
 
-      where (build%unused%open) build%learning%learner%design%available = .false.
-      build%unused%open = .false.
+      where (build%rest%open) build%learning%learner%design%available = .false.
+      build%rest%open = .false.
       if (build%phase /= training) return
       call train_on_rows(build, .false., error)
       if (allocated(error)) return
@@ -187,8 +187,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       if (all(build%rows%outcome%status /= outcome_waiting) .or. &
-         & count(build%unused%open) == count(build%unused%open(build%chosen))) then
-         call build%unused%choose(build%chosen)
+         & count(build%rest%open) == count(build%rest%open(build%chosen))) then
+         call build%rest%choose(build%chosen)
          return
       end if
       call undo_choice(build)
@@ -219,8 +219,8 @@ contains
          call set_batch()
          if (self%phase == finished) return
          ! Missing rows of an interrupted batch get the positions that are free within it.
-         call self%look_up(any(self%unused%open) .or. allocated(self%focus), error)
-         if (.not. allocated(error) .and. any(self%unused%open)) call match_interrupted(self, error)
+         call self%look_up(any(self%rest%open) .or. allocated(self%focus), error)
+         if (.not. allocated(error) .and. any(self%rest%open)) call match_interrupted(self, error)
          if (allocated(error) .or. (size(self%chosen) > 0 &
             & .and. any(self%rows%outcome%status == outcome_waiting))) then
             return
@@ -247,7 +247,7 @@ contains
                n_left = count(learning%learner%design%available)
             end if
             if (len(self%stopped) == 0) then
-               if (any(self%unused%open)) self%design_before = learning%learner%design
+               if (any(self%rest%open)) self%design_before = learning%learner%design
                call choose_some(self, min(batch_end(learning) - learning%n(), n_left))
             else if (learning%n() < 2) then
                call raise(error, failures(self))
@@ -270,11 +270,11 @@ contains
          if (allocated(self%unseen_modulus)) wanted = 0
          stored = 0
          if (wanted > 0) then
-            associate (unused => self%unused)
-               if (.not. any(unused%open)) stored = min(wanted, unused%n())
-               self%unseen_constants = unused%constants(:, unused%taken + 1:unused%taken + stored)
-               self%unseen_euler_deg = unused%euler_deg(:, unused%taken + 1:unused%taken + stored)
-               self%unseen_modulus = unused%modulus(unused%taken + 1:unused%taken + stored)
+            associate (rest => self%rest)
+               if (.not. any(rest%open)) stored = min(wanted, rest%n())
+               self%unseen_constants = rest%constants(:, rest%taken + 1:rest%taken + stored)
+               self%unseen_euler_deg = rest%euler_deg(:, rest%taken + 1:rest%taken + stored)
+               self%unseen_modulus = rest%modulus(rest%taken + 1:rest%taken + stored)
             end associate
             wanted = min(wanted - stored, count(self%learning%learner%design%available))
          end if
@@ -387,7 +387,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       integer :: left
 
-      if (any(self%unused%open)) call use_all_rows(self, error)
+      if (any(self%rest%open)) call use_all_rows(self, error)
       if (allocated(error)) return
       if (allocated(self%focus) .and. self%learning%n() >= self%learning%settings%budget) then
          call begin_round(self, error)

@@ -76,11 +76,12 @@ def test_contradiction_is_a_warning_of_both_programs(bayesindent, tmp_path):
     document = json.loads((tmp_path / "b" / "summary.json").read_text())
     unusable = [each for each in document["warnings"] if each["severity"] == "unusable"]
     found = unusable[0]
-    assert found["code"] == "other_model"
-    assert found["subject"].startswith("bulk_modulus = 300.0 of another crystal")
-    assert found["subject"].endswith("(leave out &knowledge bulk_modulus)")
+    assert (found["code"], found["subject"]) == (
+        "knowledge_wrong",
+        "bulk_modulus = 300.0 ± 3.3 GPa",
+    )
     # The bounds alone keep the bulk modulus below (250 + 2 150)/3 = 183 GPa.
-    assert found["numbers"]["log_odds"] > 0.5 * ((300 - 184) / 3.3 - 1) ** 2 - 100
+    assert found["numbers"]["conflict_sd"] > (300 - 184) / 3.3 - 1
     messages = [line for line in batch.stderr.splitlines() if not line.endswith(" s left")]
     for one, first in ((done, done.stdout), (batch, "\n".join(messages))):
         assert one.returncode == 3, one.stderr

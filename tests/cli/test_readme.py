@@ -89,13 +89,11 @@ def test_the_quickstart_prints_this(process):
         check_constant(values[name], wanted[name])
     # Chains of the theory alone, whose sd is some 4 GPa, with thousands of effective samples.
     assert values["Theory"] == pytest.approx(wanted["Theory"], abs=0.3)
-    *counts, loocv, mean, largest, anisotropy, poisson, scale = values["Surrogate:"]
+    *counts, loocv, mean, largest = values["Surrogate:"]
     # Another processor's rounding leads to other draws, so that the loop may end one round earlier
     # or later: within the budget of 25.
     assert counts[0] == counts[1] and 15 < counts[0] <= 25 and counts[2:] == [0, 176]
     assert 0.5 < loocv < 4 and mean < 0.3 and mean < largest < 1.5
-    # The crystal of that largest sd is one of the posterior's: copper's log-anisotropy is 1.17.
-    assert 0.5 < anisotropy < 2.5 and 0.25 < poisson < 0.45 and 40 < scale < 460
     begin = next(number for number, line in enumerate(shown) if line.startswith("phi1")) + 1
     suggestions = slice(begin, begin + 5)
     check_suggestions(

@@ -46,10 +46,11 @@ def orientations(results: Results) -> Picture:
     rows = [["predicted", *row] for row in np.column_stack([lattice, mean, sd]).tolist()]
     points = np.column_stack([directions, measured, error])
     rows += [["measured", *row] for row in points.tolist()]
+    told = " Discs are the measured grains, on the left by their measured value."
     return Picture(
         figure,
-        "Posterior mean and sd of the modulus over the crystal directions that differ. Discs are "
-        "the measured grains, on the left by their measured value.",
+        "Posterior mean and sd of the modulus over the crystal directions that differ"
+        + (f".{told}" if grains else "; no modulus was measured."),
         (["kind", "crystal_x", "crystal_y", "crystal_z", "mean_gpa", "sd_gpa"], rows),
     )
 
