@@ -248,13 +248,16 @@ def test_the_module_of_a_page_has_its_cells():
 
 
 def test_what_makes_a_result_unusable_comes_first(batch, tmp_path):
-    """Knowledge that cannot be right is named by the model without it; the rest follows from it."""
+    """Knowledge beyond the stated limits: the model without the one or the other; the rest follows
+    from it.
+    """
     table, stated = CASES["wrong"]
     done = batch(write_case(tmp_path, "wrong", table(), **stated), "--output", "out")
     document = json.loads((tmp_path / "out" / "summary.json").read_text())
     first, *others = document["warnings"]
     assert (done.returncode, first["code"], document["usable"]) == (3, "other_model", False)
-    assert first["subject"].startswith("bulk_modulus = 300")
+    without = ("bulk_modulus = 300.0 of another crystal", "crystals beyond the limits of the prior")
+    assert first["subject"].startswith(without)
     assert document["reasons"][0] == diagnostics.message(first)
     assert "truncated" in codes(others)
 

@@ -129,7 +129,7 @@ def canonical_table(
     for name in table.names:
         if hint := hint_of(name):
             table.note(f"the column {name} is not read{hint}")
-    if not table.notes and not indented and has_plain_text(table, found):
+    if not (table.notes or indented or radians) and has_plain_text(table, found):
         return Canonical(table, found.text)
     if radians:
         convert_radians(table)
