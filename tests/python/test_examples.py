@@ -15,7 +15,7 @@ import pytest
 import bayesindent as bi
 from support.tree import SOURCE
 
-OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS | doctest.IGNORE_EXCEPTION_DETAIL
+OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 PUBLIC = sorted(set(bi.__all__))
 NAMELISTS = {
     "grains.nml": """\

@@ -186,7 +186,7 @@ def oriented_crystals(stiffness: ArrayLike, euler_deg: ArrayLike) -> tuple[np.nd
             f"a stiffness has the shape (6, 6), not {matrices.shape}; bi.stiffness makes it "
             "from constants"
         )
-    most = SYMMETRIC * np.abs(matrices).max(initial=0.0)
+    most = SYMMETRIC * np.abs(matrices).max(axis=(-2, -1), keepdims=True, initial=0.0)
     if not np.allclose(matrices, np.swapaxes(matrices, -1, -2), 0, most, equal_nan=True):
         raise InputError("a stiffness is not symmetric")
     return matrices, angles

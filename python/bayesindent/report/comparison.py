@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable
 from math import hypot
-from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -92,23 +91,26 @@ def compare_all(results: Iterable, output: Any) -> dict:
     if output:
         write_csv(Path(output, "comparison.csv"), rows[0], map(dict.values, rows))
         write_json(Path(output, "comparison.json"), document)
-        draw_forest(rows, Path(output, "forest.png"), any(run.synthetic for run in runs))
+        draw_forest(draws, Path(output, "forest.png"), any(run.synthetic for run in runs))
     warn_of(document)
     return document
 
 
-def draw_forest(rows: list[dict], path: Path, synthetic: bool) -> None:
-    """Write the figure of the means and 95 % intervals in the rows of the constants."""
+def draw_forest(draws: dict, path: Path, synthetic: bool) -> None:
+    """Write the figure of medians and intervals that hold 50 % and 95 % of the draws."""
+    import arviz
+
     from .figures.style import house_style, panels, stamp_synthetic
 
     with house_style(), whole_file(path) as file:
-        figure, axes = panels(0.25 * len(rows) + 1)
-        labels = [f"{row['constant']}, {row['run']}" for row in rows]
-        low, mean, high = zip(*map(itemgetter("low_95_gpa", "mean_gpa", "high_95_gpa"), rows))
-        axes.hlines(labels, low, high)
-        axes.plot(mean, labels, "o")
-        axes.invert_yaxis()
-        axes.set_xlabel("constant (GPa)")
+        if hasattr(arviz, "PlotCollection"):
+            figure = arviz.plot_forest(draws, combined=True).viz["figure"].item()
+            figure.set_layout_engine("constrained")
+        else:
+            figure, axes = panels(4.0)
+            names = {"model_names": list(draws), "combined": True, "hdi_prob": 0.95}
+            arviz.plot_forest(list(draws.values()), ax=axes, **names)
+        figure.supxlabel("GPa")
         if synthetic:
             stamp_synthetic(figure)
         figure.savefig(file, format="png")
