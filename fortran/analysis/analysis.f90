@@ -92,7 +92,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call new_table_posterior(self%problem, self%problem%settings%measurements, &
-         & self%problem%measurements, self%surrogate, self%posterior, error)
+         & self%problem%data%measurements, self%surrogate, self%posterior, error)
    end subroutine prepare
 
    !> Sample the posterior and the prior, and summarise the chains.

@@ -27,11 +27,11 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(points_type), allocatable :: detected
 
-      if (problem%are_detected .or. .not. allocated(problem%velocities)) return
+      if (problem%data%are_detected .or. .not. allocated(problem%data%velocities)) return
       call find_detected(problem, problem%settings%measurements, surrogate, detected, error)
       if (allocated(error)) return
-      call move_alloc(detected, problem%measurements)
-      problem%are_detected = .true.
+      call move_alloc(detected, problem%data%measurements)
+      problem%data%are_detected = .true.
    end subroutine omit_undetected
 
    !> The measurements without the speeds whose wave is not the one that a measurement shows, at
@@ -51,14 +51,14 @@ contains
       logical, allocatable :: retained(:)
       integer :: round
 
-      if (allocated(problem%measurements)) detected = problem%measurements
-      if (problem%are_detected .or. .not. allocated(problem%velocities)) return
-      retained = spread(.true., 1, problem%velocities%n)
+      if (allocated(problem%data%measurements)) detected = problem%data%measurements
+      if (problem%data%are_detected .or. .not. allocated(problem%data%velocities)) return
+      retained = spread(.true., 1, problem%data%velocities%n)
       model_of_round = model
       model_of_round%likelihood = 'student'
       model_of_round%student_dof = 2.0_wp
       do round = 1, most_rounds
-         call append_velocities(detected, problem%velocities, retained)
+         call append_velocities(detected, problem%data%velocities, retained)
          if (detected%n == 0) exit
          call new_table_posterior(problem, model_of_round, detected, surrogate, posterior, &
             & error)
@@ -67,11 +67,11 @@ contains
          if (allocated(error)) return
          ! A speed that was left out in one round is not taken up in a later one.
          retained = retained .and. are_detected(posterior, chains%draws(:, :, 1), &
-            & problem%velocities%euler_deg, problem%velocities%paths)
+            & problem%data%velocities%euler_deg, problem%data%velocities%paths)
          if (round > 1 .and. count(retained) == posterior%n_grains - posterior%n_moduli) exit
          model_of_round = model
       end do
-      call append_velocities(detected, problem%velocities, retained)
+      call append_velocities(detected, problem%data%velocities, retained)
       if (detected%n == 0) then
          call problem%refuse('measurements', 'velocities', 'all speeds are left out: at crystals ' &
             & //'of the posterior their wave is not the one that is measured. Choose other ' &

@@ -135,8 +135,8 @@ contains
          integer, allocatable :: rows(:)
          integer :: i, j
 
-         grains = analysis%problem%measurements
-         if (allocated(analysis%problem%grains)) grains = analysis%problem%grains
+         grains = analysis%problem%data%measurements
+         if (allocated(analysis%problem%data%grains)) grains = analysis%problem%data%grains
          rows = pack([(i, i=1, grains%n)], number_equal(grains%euler_deg) == [(i, i=1, grains%n)])
          if (.not. grains%has_angles) then
             call refuse(error, &
@@ -173,8 +173,8 @@ contains
       real(wp), allocatable :: directions(:, :)
       integer :: i, j, n
 
-      if (allocated(problem%grains)) then
-         candidates%euler_deg = problem%grains%euler_deg
+      if (allocated(problem%data%grains)) then
+         candidates%euler_deg = problem%data%grains%euler_deg
          n = size(candidates%euler_deg, 2)
          candidates%grain = [(i, i=1, n)]
          allocate (candidates%angle(0, 0))
@@ -359,10 +359,10 @@ contains
          integer, intent(in) :: c
 
          call page%begin_object()
-         if (allocated(problem%grains)) then
-            call page%put('grain', problem%grains%name(candidates%grain(c)))
+         if (allocated(problem%data%grains)) then
+            call page%put('grain', problem%data%grains%name(candidates%grain(c)))
          else if (candidates%grain(c) > 0) then
-            call page%put('grain', problem%measurements%name(candidates%grain(c)))
+            call page%put('grain', problem%data%measurements%name(candidates%grain(c)))
          end if
          call page%put('euler_deg', candidates%euler_deg(:, c))
          if (candidates%paths(c)%is_speed()) then

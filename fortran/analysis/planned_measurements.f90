@@ -133,9 +133,10 @@ contains
          if (allocated(error)) return
          ! Each grain has the mean of the shared errors that the user stated for measured grains.
          allocate (stated(experiment%n_grains, 0))
-         if (allocated(problem%shared_errors)) then
-            stated = spread(sum(problem%shared_errors, 1)/size(problem%shared_errors, 1), 1, &
-               & experiment%n_grains)
+         if (allocated(problem%data%shared_errors)) then
+            associate (errors => problem%data%shared_errors)
+               stated = spread(sum(errors, 1)/size(errors, 1), 1, experiment%n_grains)
+            end associate
          end if
          measured%shared = shared_errors(problem, stated, size(measured%modulus))
          call new_measured_posterior(problem, model, measured, self%surrogate, self%posterior, &

@@ -59,10 +59,10 @@ contains
       is_explained = size(found%warnings) > n
       call check_limits(found, .true.)
       ! Speeds are left out if their waves cannot be detected.
-      associate (omitted => found%problem%measurements%omitted)
+      associate (omitted => found%problem%data%measurements%omitted)
          if (omitted > 0) then
             call found%warn('velocities_left_out', &
-               & numbers=real([omitted, found%problem%velocities%n], wp))
+               & numbers=real([omitted, found%problem%data%velocities%n], wp))
          end if
       end associate
       call check_contacts(found)
@@ -357,7 +357,7 @@ contains
       call new_indenter(found%problem%settings%indenter, indenter, error)
       n = found%posterior%n_moduli
       if (allocated(error) .or. n == 0) return
-      associate (measured => found%problem%measurements, &
+      associate (measured => found%problem%data%measurements, &
          & trained_radius => found%surrogate%contact_radius, &
          & correction => 100.0_wp*found%surrogate_correction)
          associate (modulus => measured%modulus_gpa(:n), depth => measured%depth_um(:n), &

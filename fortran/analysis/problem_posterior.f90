@@ -101,7 +101,7 @@ contains
          listed = 0
          if (allocated(known%quantity)) listed = size(known%quantity)
          all = listed
-         if (allocated(problem%stiffness)) all = listed + class%n_constants
+         if (allocated(problem%data%stiffness)) all = listed + class%n_constants
          allocate (knowledge%quantities(all), knowledge%mean(all))
          allocate (knowledge%covariance(all, all), source=0.0_wp)
          do i = 1, listed
@@ -122,8 +122,8 @@ contains
          do i = listed + 1, all
             call new_quantity(class%constants(i - listed), knowledge%quantities(i), error)
          end do
-         knowledge%mean(listed + 1:) = problem%stiffness%mean
-         knowledge%covariance(listed + 1:, listed + 1:) = problem%stiffness%covariance
+         knowledge%mean(listed + 1:) = problem%data%stiffness%mean
+         knowledge%covariance(listed + 1:, listed + 1:) = problem%data%stiffness%covariance
       end associate
    end subroutine read_knowledge
 
@@ -140,7 +140,7 @@ contains
 
       if (allocated(table)) then
          call take_measurements()
-         if (allocated(problem%reference_grains)) then
+         if (allocated(problem%data%reference_grains)) then
             call take_references(problem, model, table, measured%references, error)
             call problem%locate('measurements', '', error)
             if (allocated(error)) return
@@ -173,9 +173,9 @@ contains
             measured%density = problem%settings%problem%density_kg_m3
          end if
          n_moduli = count(.not. table%paths%is_speed())
-         if (allocated(problem%shared_errors)) then
+         if (allocated(problem%data%shared_errors)) then
             measured%shared = shared_errors(problem, &
-               & problem%shared_errors(table%row(:n_moduli), :), table%n)
+               & problem%data%shared_errors(table%row(:n_moduli), :), table%n)
          else
             measured%shared = shared_errors(problem, reshape([real(wp) ::], [n_moduli, 0]), table%n)
          end if
@@ -194,8 +194,8 @@ contains
          n = int(min(most, enough*max(1.0_wp, (usual/minval(measured%sd/measured%modulus))**2)))
          ! Where something is evaluated at the orientations of the measurements, there are as many.
          n = max(n, size(measured%modulus))
-         if (allocated(problem%texture)) then
-            associate (texture => problem%texture)
+         if (allocated(problem%data%texture)) then
+            associate (texture => problem%data%texture)
                n = texture%n*((size(measured%modulus) - 1)/texture%n + 1)
                measured%euler = reshape(texture%euler_deg*degree, [3, n], &
                   & pad=texture%euler_deg*degree)
@@ -218,13 +218,13 @@ contains
       type(reference_rows_type), allocatable, intent(out) :: references
       type(error_type), allocatable, intent(out) :: error
       type(observable_type) :: observable
-      real(wp), dimension(problem%reference_grains%n) :: log_modulus, log_mean, value, slope
+      real(wp), dimension(problem%data%reference_grains%n) :: log_modulus, log_mean, value, slope
       integer :: i
 
       call new_observable(model%modulus_kind, model, observable, error)
       if (allocated(error)) return
       allocate (references)
-      associate (rows => problem%reference_grains, n => problem%reference_grains%n)
+      associate (rows => problem%data%reference_grains, n => problem%data%reference_grains%n)
          references%sd = rows%sd_gpa/rows%modulus_gpa
          references%crystal_sd = spread(problem%settings%references%crystal_sd, 1, n)
          allocate (references%crystal(n), references%group(n))
@@ -252,9 +252,9 @@ contains
          real(wp), allocatable :: euler(:, :), weights(:), moduli(:), circular(:)
          integer :: k, m
 
-         associate (crystals => problem%references)
+         associate (crystals => problem%data%references)
             k = 0
-            if (allocated(problem%references)) then
+            if (allocated(problem%data%references)) then
                k = findloc([(crystals%name(m) == name, m=1, crystals%n)], .true., 1)
             end if
             if (k == 0) then
@@ -265,7 +265,7 @@ contains
             references%crystal(i) = k
             call spread_orientations(crystals%classes(crystals%class(k)), directions, euler, &
                & weights)
-            euler = reshape([problem%reference_grains%euler_deg(:, i), euler/degree], &
+            euler = reshape([problem%data%reference_grains%euler_deg(:, i), euler/degree], &
                & [3, size(weights) + 1])
             allocate (moduli(size(euler, 2)), circular(size(euler, 2)))
             call halfspace_moduli(spread(crystals%stiffness(:, :, k), 3, size(moduli)), euler, 1, &
@@ -283,7 +283,7 @@ contains
          references%group(i) = 1
          own = table%table%find('group')
          if (own == 0) return
-         associate (cell => problem%reference_grains%table%cell(own, i))
+         associate (cell => problem%data%reference_grains%table%cell(own, i))
             k = findloc([(table%table%cell(own, table%row(k)) == cell, k=1, size(table%row))], &
                & .true., 1)
             if (k == 0) then
@@ -403,10 +403,10 @@ contains
       call new_sampler(method, run%burn_in, sampler, error)
       ! The evaluation of the theory changes the density, perhaps not at the points by which a
       ! checkpoint recognises it: the label of the checkpoint therefore contains its limit.
-      if (allocated(problem%kept_in) .and. run%is_stored) then
+      if (allocated(problem%run%kept_in) .and. run%is_stored) then
          identity = label//' '//to_text(run%burn_in)//' '//to_text(run%samples)//' ' &
             & //to_text(density%grains%full_above)//settings_namelist(problem%settings, groups)
-         call new_checkpoint(problem%kept_in, identity, density, checkpoint)
+         call new_checkpoint(problem%run%kept_in, identity, density, checkpoint)
       end if
       condensed = density
       call condense(condensed)

@@ -44,7 +44,7 @@ contains
       else if (allocated(problem%class%name) .and. allocated(problem%settings%domain%c_min)) then
          if (any([(points%classes(k)%name /= problem%class%name, k=1, size(points%classes))])) then
             call refuse(error, name//': there are crystals that are not '//problem%class%name &
-               & //', which is the symmetry of '//problem%path)
+               & //', which is the symmetry of '//problem%run%path)
          end if
       end if
       if (allocated(error)) return

@@ -84,8 +84,8 @@ contains
          call page%put('largest_error_sd', found%field_error)
          call page%end_object()
       end if
-      if (allocated(found%problem%velocities)) then
-         call page%put('velocities_left_out', found%problem%measurements%omitted)
+      if (allocated(found%problem%data%velocities)) then
+         call page%put('velocities_left_out', found%problem%data%measurements%omitted)
       end if
       call page%put('acceptance', sum(found%chains%acceptance)/size(found%chains%acceptance))
       call page%put('samples', size(found%chains%draws, 2))
@@ -242,7 +242,7 @@ contains
 
       call moments(flattened(found%predictions%moduli), mean, sd)
       call page%begin_array('predicted')
-      associate (table => found%problem%measurements)
+      associate (table => found%problem%data%measurements)
          do i = 1, found%posterior%n_grains
             call page%begin_object()
             call page%put_numbers('mean, sd, measured, measured_sd', &
@@ -457,7 +457,7 @@ contains
       call out%put('symmetry', trim(found%problem%class%name))
       call out%put('title', found%problem%settings%problem%title)
       call out%put('modulus_kind', found%problem%settings%measurements%modulus_kind)
-      associate (measured => found%problem%measurements)
+      associate (measured => found%problem%data%measurements)
          call out%put('euler_deg', merge(nan, measured%euler_deg, &
             & allocated(found%posterior%unknown)))
          call out%put('modulus_gpa', measured%modulus_gpa)

@@ -62,14 +62,15 @@ contains
             inputs = inputs//', '//trim(entries(i))
          end if
       end do
-      if (allocated(problem%table_text)) then
-         call write_canonical(output//'/'//table_name, problem%table_text, error)
+      if (allocated(problem%data%table_text)) then
+         call write_canonical(output//'/'//table_name, problem%data%table_text, error)
          if (allocated(error)) return
       end if
       resolved = resolved_text(problem)
       call write_document(output//manifest_name, '{'//newline//' "namelist": ' &
-         & //quoted(full_path(problem%path))//','//newline//' "resolved": "'//checksum(resolved) &
-         & //'",'//newline//' "inputs": {'//inputs//'}'//newline//'}'//newline, error)
+         & //quoted(full_path(problem%run%path))//','//newline//' "resolved": "' &
+         & //checksum(resolved)//'",'//newline//' "inputs": {'//inputs//'}'//newline//'}' &
+         & //newline, error)
       if (allocated(error)) return
       call replace_file(output//resolved_name, resolved, error)
    end subroutine begin_results
@@ -208,7 +209,9 @@ contains
             ! Leave out its last variable, which has one of two forms.
             content = content(:index(content, newline//'  source =') + index(content, &
                & newline//'  ! source'))
-            if (allocated(problem%stiffness)) content = content//problem%stiffness%table%digest()
+            if (allocated(problem%data%stiffness)) then
+               content = content//problem%data%stiffness%table%digest()
+            end if
          case ('sampler')
             ! Results do not depend on its last variable, which says what is written.
             content = content(:index(content, newline//'  draws ='))
@@ -218,34 +221,40 @@ contains
                content = content//inputs_of(problem, 'specimen simulation', places)
             end if
          case ('specimen')
-            if (allocated(problem%layers)) content = content//problem%layers%table%digest()
+            if (allocated(problem%data%layers)) then
+               content = content//problem%data%layers%table%digest()
+            end if
          case ('crystals')
-            call add_table(problem%crystals)
+            call add_table(problem%data%crystals)
          case ('curves')
             if (.not. problem%settings%curves%given) cycle
-            if (allocated(problem%curves)) then
-               content = content//problem%curves%digest//problem%curves%tests%digest()
+            if (allocated(problem%data%curves)) then
+               content = content//problem%data%curves%digest//problem%data%curves%tests%digest()
             end if
          case ('references')
             if (.not. problem%settings%curves%given) cycle
-            call add_table(problem%references)
+            call add_table(problem%data%references)
          case ('measurements')
             if (problem%settings%curves%given &
                & .and. .not. allocated(problem%settings%measurements%file)) then
                ! The measurements follow from the curves.
                content = content//inputs_of(problem, 'curves references', places)
             else
-               call add_table(problem%measurements)
-               if (allocated(problem%shared_digest)) content = content//problem%shared_digest
+               call add_table(problem%data%measurements)
+               if (allocated(problem%data%shared_digest)) then
+                  content = content//problem%data%shared_digest
+               end if
             end if
-            call add_table(problem%velocities)
-            if (allocated(problem%settings%measurements%texture)) call add_table(problem%texture)
+            call add_table(problem%data%velocities)
+            if (allocated(problem%settings%measurements%texture)) then
+               call add_table(problem%data%texture)
+            end if
          case ('plan')
             if (.not. problem%settings%plan%given) cycle
          case ('design')
-            call add_table(problem%candidates)
+            call add_table(problem%data%candidates)
          case ('next')
-            call add_table(problem%grains)
+            call add_table(problem%data%grains)
          case default
             ! The other groups name no files of their own.
          end select
@@ -295,7 +304,7 @@ contains
          names = names//',rayleigh_velocity_m_s'
          moduli = reshape([moduli, velocity], [size(modulus), size(modulus_kinds) + 1])
       end if
-      call write_table(problem%crystals%table, path, names, moduli, error)
+      call write_table(problem%data%crystals%table, path, names, moduli, error)
    end subroutine write_moduli
 
    !> Cells of `values` after other cells, and the end of their line.

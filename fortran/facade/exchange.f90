@@ -206,8 +206,8 @@ contains
       real(wp), pointer :: crystals(:, :, :)
 
       if (associated(self%problem)) then
-         crystals => self%problem%crystals%stiffness
-         if (present(euler_deg)) euler_deg => self%problem%crystals%euler_deg
+         crystals => self%problem%data%crystals%stiffness
+         if (present(euler_deg)) euler_deg => self%problem%data%crystals%euler_deg
       else
          crystals => self%in%matrices('stiffness')
          if (present(euler_deg)) euler_deg => self%in%columns('euler_deg', 3)

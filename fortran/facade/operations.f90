@@ -144,10 +144,10 @@ contains
          ! A problem that has only a table of crystals. `symmetry` applies to rows without one.
          allocate (problem)
          call x%give(problem, 'problem')
-         allocate (problem%crystals)
+         allocate (problem%data%crystals)
          call new_crystal_class(x%in%text('symmetry'), class, x%error)
          if (allocated(x%error)) return
-         call read_crystals(path, class, problem%crystals, x%error)
+         call read_crystals(path, class, problem%data%crystals, x%error)
          call locate_error(x%error, path)
       case ('file.surrogate')
          !> name, symmetry, output, folder, data_folder, shipped -> handle

@@ -264,28 +264,29 @@ contains
          call load_problem(self, x%in, x%error)
          if (allocated(x%error)) return
          if (x%in%has('misread')) then
-            self%misread = reshape(x%in%columns('misread', 3), &
-               & [3, self%measurements%table%rows, 7])
+            self%data%misread = reshape(x%in%columns('misread', 3), &
+               & [3, self%data%measurements%table%rows, 7])
          end if
          call describe_problem(self, x%out)
       case ('write_crystals')
          !> path, names, values ->
          ! Write the table of the crystals with additional columns of numbers (n, m).
-         call write_table(self%crystals%table, x%in%text('path'), x%in%text('names'), &
-            & x%in%columns('values', self%crystals%n), x%error)
+         call write_table(self%data%crystals%table, x%in%text('path'), x%in%text('names'), &
+            & x%in%columns('values', self%data%crystals%n), x%error)
       case ('import')
          !> problem, name, output, folder, data_folder, shipped -> text
          ! Import their moduli into the campaign of another problem.
-         call import_table(x%problem, x%places(), self%crystals, x%in%text('name'), x%text, x%error)
+         call import_table(x%problem, x%places(), self%data%crystals, x%in%text('name'), x%text, &
+            & x%error)
       case ('begin_results')
          !> groups, output, folder, data_folder, shipped ->
          call begin_results(self, x%in%text('groups'), x%places(), x%error)
       case ('write_table')
          !> path ->
-         call write_canonical(x%in%text('path'), self%table_text, x%error)
+         call write_canonical(x%in%text('path'), self%data%table_text, x%error)
       case ('inputs')
          !> output, folder, data_folder, shipped -> text
-         x%text = '{'//inputs_of(self, self%groups, x%places())//'}'
+         x%text = '{'//inputs_of(self, self%run%groups, x%places())//'}'
       case ('check_stages')
          !> output, folder, data_folder, shipped ->
          call check_stages(self, x%places(), .true., x%error)
@@ -345,11 +346,11 @@ contains
       character(len=:), allocatable :: name
       integer :: i, j
 
-      if (allocated(self%path)) then
+      if (allocated(self%run%path)) then
          call put_settings(self%settings, out)
          call out%put('resolved', resolved_text(self))
          call out%put('warnings', diagnostics_text(self%warnings))
-         call out%put('stages', join(self%stages, ' '))
+         call out%put('stages', join(self%run%stages, ' '))
       end if
       ! Number of rows of each table, their kind of modulus, the classes of the crystals, and the
       ! names of the grains.
@@ -387,13 +388,13 @@ contains
       points => null()
       select case (name)
       case ('crystals')
-         if (allocated(self%crystals)) points => self%crystals
+         if (allocated(self%data%crystals)) points => self%data%crystals
       case ('measurements')
-         if (allocated(self%measurements)) points => self%measurements
+         if (allocated(self%data%measurements)) points => self%data%measurements
       case ('candidates')
-         if (allocated(self%candidates)) points => self%candidates
+         if (allocated(self%data%candidates)) points => self%data%candidates
       case default
-         if (allocated(self%grains)) points => self%grains
+         if (allocated(self%data%grains)) points => self%data%grains
       end select
    end function points_of
 

@@ -1,54 +1,33 @@
-!> A problem: a checked namelist in which every variable has a value, and the tables that it names.
+!> A problem: a checked namelist in which every variable has a value, the tables that it names, and
+!> the run of the program that reads it.
 !>
 !> Both programs, and the keywords of Python, make their problems here, so that they report the same
 !> errors. A message is one line: `ORIGIN: &group name: what is wrong, the value, what is allowed`.
 module problem
    use crystal_class, only: crystal_class_type, lattice_type, new_crystal_class, new_lattice
-   use curve_tables, only: curve_set_type, read_curves, read_tests
-   use diagnostics, only: diagnostic, diagnostic_type
-   use errors, only: error_type, locate_error, prefix_error, refuse
-   use files, only: folder_of, printable, read_text_file, resolve_path
+   use curve_tables, only: curve_set_type
+   use diagnostics, only: diagnostic_type
+   use errors, only: error_type, locate_error, refuse
+   use files, only: folder_of, printable
    use kinds, only: wp
-   use layer_table, only: layer_table_type, read_layers
+   use layer_table, only: layer_table_type
    use machine, only: thread_count
-   use named_values, only: named_values_reader_type
    use namelist_file, only: entry_type, find_entry
-   use measurement_checks, only: check_measurements, refuse_radians
-   use point_tables, only: angles_look_like_radians, points_type, read_crystals, &
-      & read_measurements, read_orientations, split_references
-   use repeated_tests, only: combine_tests, refuse_copied_rows
+   use point_tables, only: points_type
    use settings_schema, only: settings_type
    use settings_checks, only: check_settings
    use settings_reader, only: read_settings
    use space_groups, only: laue_class
-   use stiffness_table, only: new_stiffness_table, stiffness_table_type
-   use table_columns, only: find_column, foreign_column, read_column
+   use stiffness_table, only: stiffness_table_type
    use techniques, only: set_technique
-   use tables, only: parse_table, read_table, table_type
-   use velocity_tables, only: append_velocities, read_velocities
-   use text, only: newline, to_text
    implicit none
    private
    public :: problem_type, new_problem, table_name, canonical_mark
 
-   type :: problem_type
-      !> Path as the user wrote it, or the Python function of the keywords; folder of the file with
-      !> a slash, or ''.
-      character(len=:), allocatable :: path, folder
-      !> Command that reads the file, '' for keywords; groups that the command needs, and groups of
-      !> the file, separated by blanks.
-      character(len=:), allocatable :: command, needed, groups
-      !> Stages that the file requests, in order.
-      character(len=8), allocatable :: stages(:)
-      type(settings_type) :: settings
-      !> Class of &problem symmetry.
-      type(crystal_class_type) :: class
-      type(diagnostic_type), allocatable :: warnings(:)
-      !> Tables that the file names, unallocated if it does not; `velocities` are the speeds as they
-      !> were read, and are among the measurements too.
+   !> The tables that a namelist names; those that it does not name are not allocated.
+   type :: data_type
+      !> Velocities are the speeds as they were read, and are among the measurements too.
       type(points_type), allocatable :: crystals, measurements, velocities, candidates
-      !> Whether the file states &measurements sample_nu, technique and calibration_sd.
-      logical :: states_nu = .false., states_technique = .false., states_calibration = .false.
       !> Whether speeds of waves that cannot be detected were left out of the measurements.
       logical :: are_detected = .false.
       !> Grains from which &next chooses; unallocated: all directions.
@@ -74,14 +53,36 @@ module problem
       type(stiffness_table_type), allocatable :: stiffness
       !> Layers of &specimen.
       type(layer_table_type), allocatable :: layers
+   end type data_type
+
+   !> What one run of a program does with a namelist.
+   type :: run_type
+      !> Path as the user wrote it, or the Python function of the keywords; folder of the file with
+      !> a slash, or ''.
+      character(len=:), allocatable :: path, folder
+      !> Command that reads the file, '' for keywords; groups that the command needs, and groups of
+      !> the file, separated by blanks.
+      character(len=:), allocatable :: command, needed, groups
+      !> Stages that the file requests, in order.
+      character(len=8), allocatable :: stages(:)
       !> Folder, without its last slash, for finished chains until Step 2 is done; unallocated: they
       !> are not stored.
       character(len=:), allocatable :: kept_in
       !> Whether the batch program has it, which writes the table of draws unless told otherwise.
       logical :: is_of_batch = .false.
+   end type run_type
+
+   type :: problem_type
+      type(settings_type) :: settings
+      !> Whether the file states &measurements sample_nu, technique and calibration_sd.
+      logical :: states_nu = .false., states_technique = .false., states_calibration = .false.
+      !> Class of &problem symmetry.
+      type(crystal_class_type) :: class
+      type(data_type) :: data
+      type(run_type) :: run
+      type(diagnostic_type), allocatable :: warnings(:)
    contains
-      procedure :: load_tables, locate, locate_curves, refuse => refuse_variable, &
-         & refuse_table, take_curve_results, threads
+      procedure :: locate, locate_curves, refuse => refuse_variable, refuse_table, threads
    end type problem_type
 
    !> Name of the canonical table of the measurements in a folder of results.
@@ -106,14 +107,14 @@ contains
       type(lattice_type) :: lattice
       integer :: i
 
-      self%path = path
-      self%folder = folder_of(path)
-      self%command = command
-      self%needed = needed
-      allocate (self%stages(0))
-      self%groups = ''
+      self%run%path = path
+      self%run%folder = folder_of(path)
+      self%run%command = command
+      self%run%needed = needed
+      allocate (self%run%stages(0))
+      self%run%groups = ''
       do i = 1, size(namelist)
-         if (len(namelist(i)%name) == 0) self%groups = self%groups//namelist(i)%group//' '
+         if (len(namelist(i)%name) == 0) self%run%groups = self%run%groups//namelist(i)%group//' '
       end do
       allocate (self%warnings(0))
       self%states_nu = find_entry(namelist, 'measurements', 'sample_nu') > 0
@@ -158,206 +159,6 @@ contains
       if (len(laue_class(word)) > 0) word = laue_class(word)
    end subroutine name_class
 
-   !> Read the tables that the groups name, or those that are given as texts.
-   subroutine load_tables(self, given, error)
-      class(problem_type), intent(inout) :: self
-      !> Texts of tables that the Python program read, by their names below.
-      type(named_values_reader_type), intent(inout) :: given
-      type(error_type), allocatable, intent(out) :: error
-      logical :: radians
-
-      radians = self%settings%measurements%angles == 'radians'
-      associate (s => self%settings)
-         ! Python converts the tables of measurements first, so that they are the first here too.
-         if (s%curves%given) call load_curves()
-         if (.not. allocated(error)) call load_velocities()
-         if (allocated(error)) return
-         if (allocated(s%measurements%shared_errors) .and. .not. given%has('measurements')) then
-            self%shared_file = resolve_path(self%folder, s%measurements%shared_errors)
-         end if
-         call find_text('measurements', s%measurements%file, self%table_text)
-         call locate_table(self, error)
-         if (allocated(error)) return
-         if (allocated(self%table_text)) then
-            call take_measurements(self, self%table_text, error)
-         else if (allocated(self%velocities) .and. .not. s%curves%given) then
-            call append_velocities(self%measurements, self%velocities)
-            s%measurements%modulus_kind = self%measurements%modulus_kind
-         end if
-         if (.not. allocated(error)) call load_stiffness()
-         if (allocated(error)) return
-         call load_grains('measurements', 'texture', s%measurements%texture, self%texture)
-         if (allocated(error)) return
-         call load_grains('next', 'candidates', s%next%candidates, self%grains)
-         if (.not. allocated(error)) call load_crystals(self, error)
-      end associate
-
-   contains
-
-      !> Find the text of a table: as given, or of a file; unallocated if there is neither.
-      subroutine find_text(name, file, text)
-         character(len=*), intent(in) :: name
-         character(len=:), allocatable, intent(in) :: file
-         character(len=:), allocatable, intent(out) :: text
-
-         if (given%has(name)) then
-            text = given%text(name)
-         else if (allocated(file)) then
-            call read_text_file(resolve_path(self%folder, file), text, error)
-         end if
-      end subroutine find_text
-
-      !> Find the table of a variable, without columns if there is none.
-      subroutine find_table(name, file, table)
-         character(len=*), intent(in) :: name
-         character(len=:), allocatable, intent(in) :: file
-         type(table_type), intent(out) :: table
-         character(len=:), allocatable :: text
-
-         call find_text(name, file, text)
-         if (allocated(text) .and. .not. allocated(error)) call parse_table(text, table, error)
-      end subroutine find_table
-
-      !> Read curves, and the table of tests that the namelist names.
-      subroutine load_curves()
-         character(len=:), allocatable :: content
-
-         associate (stated => self%settings%curves, measured => self%settings%measurements)
-            call find_text('curves', stated%file, content)
-            if (allocated(content) .and. .not. allocated(error)) then
-               allocate (self%curves)
-               call read_tests(resolve_path(self%folder, stated%tests), self%curves, error)
-               call self%locate('curves', 'tests', error, stated%tests)
-               if (allocated(error)) return
-               call read_curves(content, self%curves, error)
-            end if
-            call self%locate_curves(error)
-            if (allocated(error) .or. allocated(measured%file)) return
-            measured%modulus_kind = 'effective_modulus'
-            measured%indenter_modulus_gpa = stated%indenter_modulus_gpa
-            measured%indenter_nu = stated%indenter_nu
-         end associate
-      end subroutine load_curves
-
-      !> Set the known stiffness.
-      subroutine load_stiffness()
-         character(len=:), allocatable :: content
-
-         associate (stated => self%settings%knowledge)
-            call find_text('stiffness', stated%stiffness_file, content)
-            if (allocated(content) .and. .not. allocated(error)) then
-               allocate (self%stiffness)
-               call new_stiffness_table(content, stated%stiffness_relative_sd, self%class, &
-                  & self%stiffness, error)
-            end if
-            call self%locate('knowledge', 'stiffness_file', error, stated%stiffness_file)
-         end associate
-      end subroutine load_stiffness
-
-      !> Set the speeds.
-      subroutine load_velocities()
-         type(table_type) :: table
-
-         call find_table('velocities', self%settings%measurements%velocities, table)
-         if (.not. allocated(error) .and. table%columns > 0) then
-            allocate (self%velocities)
-            call read_velocities(table, radians, self%velocities, error)
-            if (.not. (allocated(error) .or. radians)) call refuse_radians(self%velocities, error)
-         end if
-         call self%locate('measurements', 'velocities', error)
-      end subroutine load_velocities
-
-      !> Read the grains of a variable, if it is stated.
-      subroutine load_grains(group, name, file, grains)
-         character(len=*), intent(in) :: group, name
-         character(len=:), allocatable, intent(in) :: file
-         type(points_type), allocatable, intent(out) :: grains
-
-         if (.not. allocated(file)) return
-         allocate (grains)
-         call find_table(name, file, grains%table)
-         if (.not. allocated(error)) call read_grains(self, radians, grains, error)
-         call self%locate(group, name, error, file)
-      end subroutine load_grains
-   end subroutine load_tables
-
-   !> Read the layers, and the tables of crystals: those to simulate, references, and the candidates
-   !> of &design, which must be of the symmetry of &problem.
-   subroutine load_crystals(self, error)
-      type(problem_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-      integer :: i
-
-      associate (s => self%settings)
-         if (allocated(s%specimen%layers)) then
-            allocate (self%layers)
-            call read_layers(resolve_path(self%folder, s%specimen%layers), self%layers, error)
-            call self%locate('specimen', 'layers', error, s%specimen%layers)
-            if (allocated(error)) return
-         end if
-         if (allocated(s%crystals%points)) then
-            call read_file('crystals', 'points', s%crystals%points, self%crystals)
-            if (allocated(error)) return
-            if (angles_look_like_radians(self%crystals)) then
-               self%warnings = [self%warnings, diagnostic('angles_like_radians', &
-                  & 'the table '//printable(s%crystals%points))]
-            end if
-         end if
-         if (allocated(s%references%crystals)) then
-            call read_file('references', 'crystals', s%references%crystals, self%references)
-            if (allocated(error)) return
-            call find_column(self%references%table, 'reference', self%references%named_by, &
-               & error, .true.)
-            if (allocated(error)) return
-         end if
-         if (any(['latin    ', 'factorial'] == s%design%candidates)) return
-         call read_file('design', 'candidates', s%design%candidates, self%candidates)
-      end associate
-      if (allocated(error) .or. .not. allocated(self%class%name)) return
-      associate (points => self%candidates)
-         i = findloc([(points%classes(points%class(i))%name == self%class%name, i=1, points%n)], &
-            & .false., 1)
-         if (i > 0) then
-            call refuse(error, 'line '//to_text(points%table%line(i)) &
-               & //': the crystal is not of the symmetry of &problem')
-            call self%locate('design', 'candidates', error, self%settings%design%candidates)
-         end if
-      end associate
-
-   contains
-
-      !> Read crystals from the file of a variable.
-      subroutine read_file(group, name, file, crystals)
-         character(len=*), intent(in) :: group, name, file
-         type(points_type), allocatable, intent(out) :: crystals
-
-         allocate (crystals)
-         call read_crystals(resolve_path(self%folder, file), self%class, crystals, error)
-         call self%locate(group, name, error, file)
-      end subroutine read_file
-   end subroutine load_crystals
-
-   !> Read the orientations and names of grains from their table.
-   subroutine read_grains(self, radians, grains, error)
-      type(problem_type), intent(in) :: self
-      !> The unit of the angles in the table.
-      logical, intent(in) :: radians
-      type(points_type), intent(inout) :: grains
-      type(error_type), allocatable, intent(out) :: error
-      !> Bound of the memory for the moduli of each grain at 2000 draws.
-      integer, parameter :: most_grains = 2000
-
-      call read_orientations(grains, radians, self%class, self%settings%problem%lattice, error)
-      if (allocated(error)) return
-      call find_column(grains%table, 'grain', grains%named_by, error, .false.)
-      if (allocated(error)) return
-      if (grains%n > most_grains) then
-         call refuse(error, to_text(grains%n)//' grains; allowed up to '//to_text(most_grains))
-      else if (.not. radians) then
-         call refuse_radians(grains, error)
-      end if
-   end subroutine read_grains
-
    !> The number of threads that &execution allows.
    integer function threads(self)
       class(problem_type), intent(in) :: self
@@ -373,7 +174,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       call refuse(error, message, group, name)
-      call locate_error(error, self%path)
+      call locate_error(error, self%run%path)
    end subroutine refuse_variable
 
    !> Say of which group and variable of the namelist an error is, if there is one.
@@ -386,7 +187,7 @@ contains
       character(len=*), intent(in), optional :: table
 
       if (present(table)) call locate_error(error, printable(table))
-      call locate_error(error, self%path, group, name)
+      call locate_error(error, self%run%path, group, name)
    end subroutine locate
 
    !> Refuse the table of the measurements, which is not canonical, for a `reason`.
@@ -413,159 +214,4 @@ contains
       end associate
    end subroutine locate_curves
 
-   !> Read the measurements that were inferred from curves, unless the file names others.
-   subroutine take_curve_results(self, folder, error)
-      class(problem_type), intent(inout) :: self
-      !> Folder of the results.
-      character(len=*), intent(in) :: folder
-      type(error_type), allocatable, intent(out) :: error
-      character(len=:), allocatable :: content
-
-      if (.not. self%settings%curves%given .or. allocated(self%settings%measurements%file) &
-         & .or. allocated(self%measurements)) then
-         return
-      end if
-      self%shared_file = folder//'/shared_errors.csv'
-      call read_text_file(folder//'/measurements.csv', content, error)
-      call locate_table(self, error)
-      if (.not. allocated(error)) call take_measurements(self, content, error)
-   end subroutine take_curve_results
-
-   !> Set the measurements. The tests of a grain become one measurement.
-   subroutine take_measurements(self, content, error)
-      type(problem_type), intent(inout) :: self
-      !> CSV, a canonical table.
-      character(len=*), intent(in) :: content
-      type(error_type), allocatable, intent(out) :: error
-      type(table_type) :: table
-      type(points_type) :: measurements
-      real(wp), allocatable :: weight(:)
-      character(len=:), allocatable :: name
-      logical :: radians
-      integer :: column, i
-
-      ! Tables that this program wrote are in degrees; those of curves have the unit of tests.
-      radians = self%settings%measurements%angles == 'radians' &
-         & .and. index(content, canonical_mark) /= 1
-      call parse_table(content, table, error)
-      if (allocated(self%settings%measurements%file) .and. .not. allocated(error)) then
-         column = foreign_column(table)
-         name = ''
-         if (column > 0) name = printable(table%name(column))
-         if (index(name, 'other_') == 1) then
-            call refuse(error, 'the column '//name//' is not allowed; leave out the rows with ' &
-               & //'other_probability above 0.05, and the columns other_*')
-         else if (column > 0 .and. table%columns > 1) then
-            call self%refuse_table(' has the column '''//name//'''', error)
-         else if (radians) then
-            call self%refuse_table(' has angles in radians', error)
-         end if
-      end if
-      if (.not. allocated(error)) call read_tests()
-      call locate_table(self, error)
-      if (allocated(error)) return
-      self%measurements = measurements
-      if (allocated(measurements%tests) .and. allocated(self%shared_errors)) then
-         do i = 1, measurements%n
-            ! The tests of a grain have the weights that they have for its modulus.
-            associate (weights => merge(weight, 0.0_wp, measurements%of_row == i))
-               self%shared_errors(measurements%row(i), :) &
-                  & = matmul(weights, self%shared_errors)/sum(weights)
-            end associate
-         end do
-      end if
-      self%settings%measurements%modulus_kind = measurements%modulus_kind
-      call check_measurements(self%settings, self%class, self%measurements, self%warnings, error)
-      call locate_table(self, error)
-      if (allocated(self%velocities)) call append_velocities(self%measurements, self%velocities)
-
-   contains
-
-      !> Read the tests of the grains and their shared errors, and combine the tests of a grain.
-      subroutine read_tests()
-         associate (stated => self%settings%measurements)
-            call split_references(table, radians, stated, self%class, &
-               & self%settings%problem%lattice, self%reference_grains, error)
-            if (allocated(error)) return
-            call read_measurements(table, radians, stated, self%class, &
-               & self%settings%problem%lattice, measurements, error)
-            if (allocated(error)) return
-            if (stated%misalignment_sd_deg > 0.0_wp .and. .not. measurements%has_angles) then
-               call refuse(error, 'misalignment_sd_deg = '//to_text(stated%misalignment_sd_deg) &
-                  & //' needs Euler angles: directions alone do not say how a turn of the sample ' &
-                  & //'moves them. Or state orientation_sd_deg')
-               return
-            end if
-         end associate
-         call read_shared_errors()
-         if (.not. allocated(error)) call take_nu()
-         if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
-         if (allocated(error)) return
-         weight = 1.0_wp/measurements%sd_gpa**2
-         call combine_tests(self%class, measurements, error)
-      end subroutine read_tests
-
-      !> Use the Poisson's ratio with which the instrument made the moduli of the table, if it has
-      !> a column of it.
-      subroutine take_nu()
-         real(wp), parameter :: tolerance = 1.0e-6_wp
-         real(wp), allocatable :: nu(:)
-
-         if (measurements%modulus_kind /= 'sample_modulus') return
-         call read_column(table, 'sample_nu', table%find('sample_nu') == 0, nu, error)
-         if (allocated(error)) return
-         if (.not. nu(1) > -1.0_wp) return
-         associate (stated => self%settings%measurements%sample_nu)
-            if (.not. self%states_nu) stated = nu(1)
-            i = maxloc(abs(nu - stated), 1)
-            if (abs(nu(i) - stated) <= tolerance) return
-            call refuse(error, 'the columns and &measurements state sample_nu = ' &
-               & //to_text(stated)//' and '//to_text(nu(i))//'; one value is allowed')
-         end associate
-      end subroutine take_nu
-
-      !> Read the relative errors that the rows share, such as the calibration of the instrument:
-      !> from the file of shared errors, which has one row for each row of the table, or from the
-      !> columns shared_1, shared_2, .. of the table itself.
-      subroutine read_shared_errors()
-         type(table_type) :: source
-         real(wp), allocatable :: values(:, :)
-         logical, allocatable :: chosen(:)
-         integer :: j
-
-         source = table
-         if (allocated(self%shared_file)) call read_table(self%shared_file, source, error)
-         if (.not. allocated(error) .and. source%rows /= table%rows) then
-            call refuse(error, to_text(source%rows)//' rows for '//to_text(table%rows) &
-               & //' of the measurements; each row has the errors of one of them')
-         end if
-         if (allocated(error)) source%columns = 0
-         chosen = [(index(source%name(j), 'shared_') == 1 .or. (allocated(self%shared_file) &
-            & .and. source%name(j) /= 'grain'), j=1, source%columns)]
-         if (any(chosen)) then
-            call source%numbers(pack([(j, j=1, source%columns)], chosen), values, error)
-            self%shared_errors = transpose(values)
-            self%shared_digest = source%digest()
-            ! They contain the error of the indenter.
-            if (.not. self%states_calibration) self%settings%measurements%calibration_sd = 0.0_wp
-            if (allocated(self%reference_grains)) then
-               call refuse(error, 'rows with a reference are not allowed beside shared errors')
-            end if
-         end if
-         if (allocated(self%shared_file)) then
-            call prefix_error(error, 'shared_errors: '//printable(self%shared_file)//': ')
-         end if
-      end subroutine read_shared_errors
-   end subroutine take_measurements
-
-   !> Say that an error is in the table of the measurements.
-   subroutine locate_table(self, error)
-      type(problem_type), intent(in) :: self
-      type(error_type), allocatable, intent(inout) :: error
-
-      associate (stated => self%settings%measurements)
-         call self%locate('measurements', trim(merge('file', '    ', allocated(stated%file))), &
-            & error, stated%file)
-      end associate
-   end subroutine locate_table
 end module problem

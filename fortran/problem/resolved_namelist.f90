@@ -25,26 +25,26 @@ contains
       do i = 1, size(list%variables)
          associate (v => list%variables(i))
             if (.not. allocated(v%values) .or. index(v%kind, 'file') == 0) cycle
-            call make_absolute(problem%folder, v%values(1)%text)
+            call make_absolute(problem%run%folder, v%values(1)%text)
          end associate
       end do
       call set_settings(list, settings)
-      call make_absolute(problem%folder, settings%surrogate%file)
+      call make_absolute(problem%run%folder, settings%surrogate%file)
       associate (s => settings%measurements)
-         if (allocated(problem%table_text)) then
+         if (allocated(problem%data%table_text)) then
             s%file = table_name
             s%sheet = ''
             if (allocated(s%columns)) deallocate (s%columns)
             if (allocated(s%orientations_file)) deallocate (s%orientations_file)
             if (allocated(s%ebsd)) deallocate (s%ebsd)
             if (allocated(s%ebsd_points)) deallocate (s%ebsd_points)
-            if (allocated(s%shared_errors) .and. .not. allocated(problem%shared_file)) then
+            if (allocated(s%shared_errors) .and. .not. allocated(problem%data%shared_file)) then
                deallocate (s%shared_errors)
             end if
          end if
       end associate
-      page = '! Every value of '//printable(problem%path) &
+      page = '! Every value of '//printable(problem%run%path) &
          & //', defaults included; paths are absolute, or relative to this folder.'//newline &
-         & //settings_namelist(settings, problem%needed//' '//problem%groups)
+         & //settings_namelist(settings, problem%run%needed//' '//problem%run%groups)
    end function resolved_text
 end module resolved_namelist

@@ -129,26 +129,29 @@ contains
          call load_problem(self, no_texts, error)
       end if
       call stop_on(error)
-      self%is_of_batch = .true.
+      self%run%is_of_batch = .true.
       call print_diagnostics(self%warnings)
       ! A function of deferred length in a structure constructor makes gfortran 12 allocate one byte
       ! for it.
       places%output = output//'/'
-      places%folder = self%folder
+      places%folder = self%run%folder
       call c_data_folder(installed_data//c_null_char, folder, len(folder))
       places%data_folder = folder(:index(folder, c_null_char) - 1)
       places%shipped = shipped_surrogates
       call check_stages(self, places, check_only, error)
       call stop_on(error)
       if (check_only) then
-         call print_line(output_stream, path//' is right; it asks for: '//join(self%stages, ' '))
+         call print_line(output_stream, path//' is right; it asks for: '//join(self%run%stages, &
+            & ' '))
          return
       end if
       call take_folder(output, 0, .true., error)
-      if (.not. allocated(error)) call begin_results(self, groups_of(self%stages), places, error)
+      if (.not. allocated(error)) then
+         call begin_results(self, groups_of(self%run%stages), places, error)
+      end if
       call stop_on(error)
-      do i = 1, size(self%stages)
-         call perform_stage(self, trim(self%stages(i)), places, usable)
+      do i = 1, size(self%run%stages)
+         call perform_stage(self, trim(self%run%stages(i)), places, usable)
          ! The next measurements are computed only from a posterior that can be used.
          if (.not. usable) call end_process(exit_unusable)
       end do

@@ -91,7 +91,7 @@ contains
       integer :: column, i
 
       values = 0.0_wp
-      associate (measured => case%problem%measurements)
+      associate (measured => case%problem%data%measurements)
          column = measured%table%find(name)
          do i = 1, size(values)
             if (column == 0 .and. name == 'row') values(i) = measured%row(case%points(i))

@@ -167,7 +167,7 @@ contains
          names = ''
          do i = 1, size(model)
             if (.not. is_other(i)) cycle
-            names = names//', '//printable(case%problem%measurements%name(case%points(i)))
+            names = names//', '//printable(case%problem%data%measurements%name(case%points(i)))
          end do
          if (any(is_other)) rival%explanation = rival%explanation//': '//names(3:)
       end select

@@ -43,9 +43,9 @@ contains
       rival%explanation = trim(readings(k))
       rival%remedy = ''
       n = size(case%points)
-      if (k >= of_map .and. .not. allocated(case%problem%misread)) return
+      if (k >= of_map .and. .not. allocated(case%problem%data%misread)) return
       ! Not all rows are compared: their order says nothing.
-      if (k >= of_order .and. k < of_axes .and. n < case%problem%measurements%n) return
+      if (k >= of_order .and. k < of_axes .and. n < case%problem%data%measurements%n) return
       measured = case%stated%data
       do i = 1, n
          g = rotation_matrix(case%stated%data%euler(:, i))
@@ -69,8 +69,8 @@ contains
                direction = signs(:, mistake)*g(merge([2, 1, 3], [1, 2, 3], mistake > 3), 3)
             end associate
          case default
-            associate (row => findloc(case%problem%measurements%of_row, case%points(i), dim=1))
-               direction = case%problem%misread(:, row, k - of_map + 1)
+            associate (row => findloc(case%problem%data%measurements%of_row, case%points(i), dim=1))
+               direction = case%problem%data%misread(:, row, k - of_map + 1)
             end associate
          end select
          measured%euler(:, i) = angles_of_direction(direction)*degree

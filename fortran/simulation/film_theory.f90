@@ -174,7 +174,7 @@ contains
       call locate_error(error, '', 'indenter')
       if (.not. allocated(error)) then
          associate (stated => problem%settings%specimen, film => specimen%layers)
-            if (allocated(problem%layers)) then
+            if (allocated(problem%data%layers)) then
                i = findloc([allocated(stated%thickness_um), allocated(stated%substrate_young_gpa), &
                   & allocated(stated%substrate_symmetry), allocated(stated%substrate_constants)], &
                   & .true., 1)
@@ -182,9 +182,9 @@ contains
                   call refuse(error, 'the file of layers has it; remove '//trim(names(i)) &
                      & //', or layers', variable=trim(names(i)))
                end if
-               film%thickness = problem%layers%thickness
-               film%c = problem%layers%stiffness
-               specimen%crystal = problem%layers%crystal
+               film%thickness = problem%data%layers%thickness
+               film%c = problem%data%layers%stiffness
+               specimen%crystal = problem%data%layers%crystal
             else
                allocate (film%thickness(1), film%c(6, 6, merge(1, 2, stated%substrate == 'rigid')))
                film%c = 0.0_wp

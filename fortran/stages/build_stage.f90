@@ -50,7 +50,7 @@ contains
          allocate (largest(learning%n()))
          call simulation_error(settings, stiffness, largest, warning)
          if (len(warning) > 0) then
-            call self%warn('mesh_error', self%problem%path//': &simulation: '//warning)
+            call self%warn('mesh_error', self%problem%run%path//': &simulation: '//warning)
          end if
          n_simulations = learning%n() + self%n_failed
          if (allocated(self%unseen_modulus)) then

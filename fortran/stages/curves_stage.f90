@@ -35,12 +35,12 @@ contains
       real(wp) :: sd, modulus
       integer :: i
 
-      allocate (self%found%tests(size(self%problem%curves%curves)))
+      allocate (self%found%tests(size(self%problem%data%curves%curves)))
       call find_materials()
       if (allocated(error)) return
       associate (asked => self%problem%settings%curves, s => self%found)
          do i = 1, size(s%tests)
-            associate (c => self%problem%curves%curves(i), test => s%tests(i))
+            associate (c => self%problem%data%curves%curves(i), test => s%tests(i))
                call take_loading(c%points, merge(0.0_wp, c%drift, asked%drift_removed), test%curve)
                test%reason = test%curve%refusal
                test%used = len(test%reason) == 0
@@ -74,7 +74,7 @@ contains
 
          allocate (names(0), self%found%sessions(0))
          do i = 1, size(self%found%tests)
-            associate (c => self%problem%curves%curves(i))
+            associate (c => self%problem%data%curves%curves(i))
                call number_name(merge('=', ' ', c%reference)//c%material, names, &
                   & self%found%tests(i)%material)
                call number_name(c%session, self%found%sessions, self%found%tests(i)%session)
@@ -121,12 +121,12 @@ contains
                   sd = r%young_sd_gpa(i)/r%young_gpa(i)
                end if
             end if
-            if (allocated(self%problem%references)) then
-               do i = 1, self%problem%references%n
-                  names = names//', '//self%problem%references%name(i)
-                  if (self%problem%references%name(i) /= material%name) cycle
-                  call halfspace_moduli(self%problem%references%stiffness(:, :, i:i), &
-                     & self%problem%references%euler_deg(:, i:i), 1, modulus, circular, error)
+            if (allocated(self%problem%data%references)) then
+               do i = 1, self%problem%data%references%n
+                  names = names//', '//self%problem%data%references%name(i)
+                  if (self%problem%data%references%name(i) /= material%name) cycle
+                  call halfspace_moduli(self%problem%data%references%stiffness(:, :, i:i), &
+                     & self%problem%data%references%euler_deg(:, i:i), 1, modulus, circular, error)
                   if (allocated(error)) return
                   sd = r%crystal_sd
                end do
@@ -155,7 +155,7 @@ contains
 
       call iterate(self, error)
       if (allocated(error)) return
-      associate (set => self%problem%curves, tests => self%found%tests)
+      associate (set => self%problem%data%curves, tests => self%found%tests)
          do i = 1, size(tests)
             if (.not. tests(i)%used) then
                call self%warn('test_left_out', set%curves(i)%name//' is left out: ' &
@@ -199,7 +199,7 @@ contains
             call compare_tests()
             if (.not. any(tests%used)) then
                call refuse(error, 'no test has an elastic part; test ' &
-                  & //self%problem%curves%curves(1)%name//': '//tests(1)%reason &
+                  & //self%problem%data%curves%curves(1)%name//': '//tests(1)%reason &
                   & //'. Loads in mN and depths in nm are needed')
                call self%problem%locate_curves(error)
             end if

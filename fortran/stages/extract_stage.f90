@@ -31,11 +31,7 @@ contains
       class(extract_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
 
-      call self%problem%take_curve_results(self%output, error)
-      if (.not. allocated(error)) then
-         call load_analysis(self%problem, self%places, .false., self%analysis, error)
-      end if
-      if (.not. allocated(error)) call self%analysis%prepare(error)
+      call load_analysis(self%problem, self%places, .false., self%analysis, error)
    end subroutine begin
 
    !> Sample, and write posterior.bin with all numbers, the document, and posterior.csv with the
@@ -45,7 +41,7 @@ contains
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
 
-      self%problem%kept_in = self%output
+      self%problem%run%kept_in = self%output
       call self%analysis%infer(error)
       if (allocated(error)) return
       call check_analysis(self%analysis)
@@ -56,7 +52,7 @@ contains
       if (allocated(error)) return
       call remove_files(self%output, draws_name)
       associate (draws => self%problem%settings%sampler%draws)
-         if (draws == 'csv' .or. (len(draws) == 0 .and. self%problem%is_of_batch)) then
+         if (draws == 'csv' .or. (len(draws) == 0 .and. self%problem%run%is_of_batch)) then
             call write_draws()
          end if
       end associate

@@ -1,8 +1,9 @@
-!> `next`: the grains to measure next. It begins as `extract` does.
+!> `next`: the grains to measure next.
 module next_stage
+   use abstract_stage, only: stage_type
+   use analysis, only: analysis_type
    use analysis_document, only: stored_draws
    use errors, only: error_type
-   use extract_stage, only: extract_stage_type
    use files, only: file_exists
    use further_measurements, only: suggest_measurements
    use json, only: json_type
@@ -11,16 +12,26 @@ module next_stage
    use samplers, only: chain_prefix
    use stage_documents, only: inputs_of
    use statistics, only: flattened
+   use surrogate_loading, only: load_analysis
    implicit none
    private
    public :: next_stage_type
 
-   type, extends(extract_stage_type) :: next_stage_type
+   type, extends(stage_type) :: next_stage_type
+      type(analysis_type) :: analysis
    contains
-      procedure :: finish
+      procedure :: begin, finish
    end type next_stage_type
 
 contains
+
+   !> Load the surrogate, and check the posterior.
+   subroutine begin(self, error)
+      class(next_stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      call load_analysis(self%problem, self%places, .false., self%analysis, error)
+   end subroutine begin
 
    !> Write the document from the draws that `extract` stored in the folder, or else from new ones.
    subroutine finish(self, page, error)
@@ -36,7 +47,7 @@ contains
          & self%places), self%analysis%posterior%dimension, draws, error)
       if (allocated(error)) return
       if (.not. allocated(draws)) then
-         self%problem%kept_in = self%output
+         self%problem%run%kept_in = self%output
          call self%analysis%infer(error)
          if (allocated(error)) return
          draws = flattened(self%analysis%chains%draws)

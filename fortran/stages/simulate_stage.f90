@@ -31,12 +31,12 @@ contains
    subroutine begin(self, error)
       class(simulate_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      type(row_type) :: rows(self%problem%crystals%n)
+      type(row_type) :: rows(self%problem%data%crystals%n)
       !> Class, angles and constants of each crystal; the first crystal that has the same ones.
-      real(wp) :: keys(4 + size(self%problem%crystals%constants, 1), size(rows))
+      real(wp) :: keys(4 + size(self%problem%data%crystals%constants, 1), size(rows))
       integer :: first(size(rows)), i
 
-      associate (points => self%problem%crystals)
+      associate (points => self%problem%data%crystals)
          do i = 1, size(rows)
             associate (row => rows(i), class => points%classes(points%class(i)))
                row%symmetry = class%name
@@ -75,7 +75,7 @@ contains
       integer :: i, failed
 
       rows = self%rows(self%place)
-      call simulation_error(self%problem%settings, self%problem%crystals%stiffness, &
+      call simulation_error(self%problem%settings, self%problem%data%crystals%stiffness, &
          & largest, warning)
       do i = 1, size(rows)
          if (largest(i) <= most_error .or. rows(i)%outcome%status == outcome_failed) cycle
@@ -96,7 +96,7 @@ contains
       if (allocated(error)) return
       call page%begin_array('results')
       do i = 1, size(rows)
-         call begin_crystal(page, self%problem%crystals, i)
+         call begin_crystal(page, self%problem%data%crystals, i)
          call page%put('indentation_modulus_gpa', modulus(i))
          associate (outcome => rows(i)%outcome)
             if (outcome%elements > 0) call page%put('elements', outcome%elements)

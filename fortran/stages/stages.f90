@@ -19,6 +19,7 @@ module stages
    use posterior_focus, only: check_focus
    use named_values, only: named_values_reader_type
    use problem, only: new_problem, problem_type
+   use problem_tables, only: load_tables
    use problem_posterior, only: check_step_2, check_target
    use simulate, only: check_simulation, new_simulator, simulator_type
    use simulate_stage, only: simulate_stage_type
@@ -84,16 +85,16 @@ contains
       type(plan_stage_type) :: plan
       type(simulator_type) :: simulator
 
-      if (any(problem%stages == 'build')) then
+      if (any(problem%run%stages == 'build')) then
          call check_build(problem, error, places%output(:len(places%output) - 1))
       else if (problem%settings%specimen%geometry == film_name) then
          ! The stage itself trains the correction.
-         if (allocated(problem%measurements)) call check_focus(problem, error)
+         if (allocated(problem%data%measurements)) call check_focus(problem, error)
       else
-         if (any(problem%stages == 'plan')) call plan%open(problem, places, error)
+         if (any(problem%run%stages == 'plan')) call plan%open(problem, places, error)
          if (allocated(error)) return
-         if (all(problem%stages /= 'curves') &
-            & .and. any(problem%stages == 'extract' .or. problem%stages == 'next')) then
+         if (all(problem%run%stages /= 'curves') &
+            & .and. any(problem%run%stages == 'extract' .or. problem%run%stages == 'next')) then
             call extract%open(problem, places, error)
          end if
       end if
@@ -101,7 +102,7 @@ contains
          & .or. problem%settings%simulation%simulator /= 'fe') then
          return
       end if
-      if (.not. any(problem%stages == 'simulate' .or. problem%stages == 'build')) return
+      if (.not. any(problem%run%stages == 'simulate' .or. problem%run%stages == 'build')) return
       call new_simulator(problem%settings, simulator, error)
       call problem%locate('simulation', '', error)
    end subroutine check_stages
@@ -181,7 +182,7 @@ contains
             & //'for a surrogate, &plan for expected sds, &curves for moduli, &measurements for ' &
             & //'the constants', error)
       end if
-      self%stages = names
+      self%run%stages = names
    end subroutine read_problem
 
    !> The problem of a namelist's text, `content`, for Python, with no stage and without tables.
@@ -206,13 +207,15 @@ contains
       type(error_type), allocatable, intent(out) :: error
       logical :: has_theory
 
-      call self%load_tables(given, error)
+      call load_tables(self, given, error)
       if (allocated(error)) return
       has_theory = self%settings%specimen%geometry == film_name
       if (has_theory) then
          call check_film(self, error)
-         if (self%command == 'run') self%stages = pack(self%stages, self%stages /= 'simulate')
-         if (any(self%stages == 'simulate') .and. .not. allocated(error)) then
+         if (self%run%command == 'run') then
+            self%run%stages = pack(self%run%stages, self%run%stages /= 'simulate')
+         end if
+         if (any(self%run%stages == 'simulate') .and. .not. allocated(error)) then
             call self%refuse('specimen', 'geometry', 'a film needs no simulations; use the ' &
                & //'command theory', error)
          end if
@@ -222,38 +225,42 @@ contains
       call self%locate('', '', error)
       if (allocated(error)) return
       associate (settings => self%settings)
-         if (self%command == 'run') then
+         if (self%run%command == 'run') then
             ! `run` leaves out the theory if it does not exist for the specimen. The command
             ! `theory` is refused.
-            if (.not. has_theory) self%stages = pack(self%stages, self%stages /= 'theory')
+            if (.not. has_theory) then
+               self%run%stages = pack(self%run%stages, self%run%stages /= 'theory')
+            end if
             ! A plan may state errors of measurements that are still to be made.
             if (settings%plan%given .and. .not. (settings%curves%given &
                & .or. allocated(settings%measurements%file) &
                & .or. allocated(settings%measurements%velocities))) then
-               self%stages = pack(self%stages, self%stages /= 'extract')
+               self%run%stages = pack(self%run%stages, self%run%stages /= 'extract')
             end if
          end if
-         if (.not. has_theory .and. (any(self%stages == 'theory') &
+         if (.not. has_theory .and. (any(self%run%stages == 'theory') &
             & .or. settings%simulation%simulator == 'theory')) then
             call self%refuse('specimen', 'geometry', ''''//settings%specimen%geometry &
                & //''' has no exact theory; allowed ''halfspace'', ''film''', error)
          else if (settings%simulation%simulator == 'import' &
-            & .and. any(self%stages == 'simulate')) then
+            & .and. any(self%run%stages == 'simulate')) then
             call self%refuse('simulation', 'simulator', &
                & '''import'' cannot indent the &crystals; allowed ''fe'', ''theory''', error)
          else if (settings%measurements%orientations == 'unknown' &
-            & .and. any(self%stages == 'next' .or. self%stages == 'plan')) then
+            & .and. any(self%run%stages == 'next' .or. self%run%stages == 'plan')) then
             call self%refuse('measurements', 'orientations', '''unknown'' cannot be combined ' &
                & //'with &next or &plan, which compare orientations; remove one of them', error)
-         else if (any(self%stages == 'build')) then
+         else if (any(self%run%stages == 'build')) then
             call check_build(self, error)
          end if
       end associate
       if (allocated(error)) return
-      if (any(self%stages == 'extract' .or. self%stages == 'next')) call check_step_2(self, error)
+      if (any(self%run%stages == 'extract' .or. self%run%stages == 'next')) then
+         call check_step_2(self, error)
+      end if
       if (allocated(error)) return
-      if (any(self%stages == 'next')) call check_target(self, error)
+      if (any(self%run%stages == 'next')) call check_target(self, error)
       if (allocated(error)) return
-      if (allocated(self%candidates)) call question_candidates(self, error)
+      if (allocated(self%data%candidates)) call question_candidates(self, error)
    end subroutine load_problem
 end module stages

@@ -6,6 +6,7 @@ module surrogate_loading
    use film_theory, only: film_name
    use film_training, only: train_film
    use problem, only: problem_type
+   use problem_tables, only: take_curve_results
    use stage_documents, only: inputs_of
    use surrogate_model, only: load_named_surrogate, load_surrogate, places_type, save_surrogate
    implicit none
@@ -14,9 +15,10 @@ module surrogate_loading
 
 contains
 
-   !> Begin the analysis of a problem, for crystals of its class.
+   !> Begin the analysis of a problem, for crystals of its class. Without a plan its posterior is
+   !> prepared, too.
    subroutine load_analysis(problem, places, is_plan, self, error)
-      type(problem_type), intent(in), target :: problem
+      type(problem_type), intent(inout), target :: problem
       type(places_type), intent(in) :: places
       !> Whether the measurements are those of &plan.
       logical, intent(in) :: is_plan
@@ -24,6 +26,8 @@ contains
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: class
 
+      if (.not. is_plan) call take_curve_results(problem, places%output, error)
+      if (allocated(error)) return
       self%problem => problem
       class = ''
       if (allocated(problem%class%name)) class = problem%class%name
@@ -34,6 +38,7 @@ contains
             & self%surrogate, error)
       end if
       call problem%locate('surrogate', 'file', error)
+      if (.not. (is_plan .or. allocated(error))) call self%prepare(error)
 
    contains
 

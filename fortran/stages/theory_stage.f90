@@ -31,7 +31,7 @@ contains
       type(wave_type), allocatable :: waves(:)
       integer :: i
 
-      associate (points => self%problem%crystals)
+      associate (points => self%problem%data%crystals)
          allocate (modulus(points%n), circular(points%n))
          if (self%problem%settings%specimen%geometry == film_name) then
             allocate (films(points%n))

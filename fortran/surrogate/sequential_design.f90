@@ -152,9 +152,9 @@ contains
 
       seed = problem%settings%problem%seed
       associate (design => problem%settings%design)
-         if (allocated(problem%candidates)) then
+         if (allocated(problem%data%candidates)) then
             ! The rows of the user's table that are in the domain.
-            associate (table => problem%candidates, domain => basis%domain)
+            associate (table => problem%data%candidates, domain => basis%domain)
                rows = pack([(i, i=1, table%n)], &
                   & [(domain%admits(table%stiffness(:, :, i)), i=1, table%n)])
                allocate (candidates%constants(domain%class%n_constants, size(rows)))

@@ -55,7 +55,7 @@ contains
       end if
       if (allocated(error)) return
       n = problem%settings%design%n_candidates
-      if (allocated(problem%candidates)) n = problem%candidates%n
+      if (allocated(problem%data%candidates)) n = problem%data%candidates%n
       ! Two copies of the terms of all candidates, while they are whitened, and four square matrices
       ! of the terms.
       call check_memory(bytes*basis%n_terms*(2.0_wp*n + 4.0_wp*basis%n_terms), &
@@ -101,12 +101,12 @@ contains
 
       call domain_of(self, domain, error)
       if (allocated(error)) return
-      outside = count([(.not. domain%admits(self%candidates%stiffness(:, :, i)), i=1, &
-         & self%candidates%n)])
+      outside = count([(.not. domain%admits(self%data%candidates%stiffness(:, :, i)), i=1, &
+         & self%data%candidates%n)])
       if (outside > 0) then
          self%warnings = [self%warnings, diagnostic('candidates_left_out', &
             & 'the table '//printable(self%settings%design%candidates), &
-            & [real(wp) :: outside, self%candidates%n])]
+            & [real(wp) :: outside, self%data%candidates%n])]
       end if
    end subroutine question_candidates
 

@@ -140,7 +140,8 @@ contains
          else
             call new_observable(model%modulus_kind, model, observable, error)
             if (allocated(error)) return
-            young = sum(problem%measurements%modulus_gpa)/size(problem%measurements%modulus_gpa)
+            young = sum(problem%data%measurements%modulus_gpa) &
+               & /size(problem%data%measurements%modulus_gpa)
             young = young_of_film(problem, young/max(observable%factor &
                & - observable%compliance*young, 1.0e-3_wp), typical_poisson)
             crystal = isotropic_stiffness(young, typical_poisson)
@@ -189,7 +190,7 @@ contains
       euler_deg = directions(self%problem%settings%problem%seed, round, n_drawn)
       do i = 1, n_drawn, 2
          if (allocated(posterior%unknown)) exit
-         associate (grains => self%problem%measurements%euler_deg)
+         associate (grains => self%problem%data%measurements%euler_deg)
             euler_deg(:, i) = grains(:, 1 + mod(i/2, size(grains, 2)))
          end associate
       end do

@@ -78,7 +78,7 @@ contains
 
       has_focus = problem%settings%design%focus == 'posterior' &
          & .and. problem%settings%surrogate%model == 'correction' &
-         & .and. allocated(problem%measurements) &
+         & .and. allocated(problem%data%measurements) &
          & .and. problem%settings%measurements%orientations == 'known'
    end function has_focus
 
@@ -90,7 +90,7 @@ contains
       type(posterior_type) :: posterior
 
       call new_theory_surrogate(theory)
-      call new_table_posterior(problem, problem%settings%measurements, problem%measurements, &
+      call new_table_posterior(problem, problem%settings%measurements, problem%data%measurements, &
          & theory, posterior, error)
    end subroutine check_focus
 
@@ -174,7 +174,7 @@ contains
          integer :: n
 
          n = size(stiffness, 3)
-         associate (class => focus%domain%class, grains => problem%measurements)
+         associate (class => focus%domain%class, grains => problem%data%measurements)
             candidates%constants = &
                & reshape([(class%constants_of(stiffness(:, :, i)), i=1, n)], [class%n_constants, n])
             candidates%euler_deg = &
