@@ -316,7 +316,7 @@ contains
                return
             end if
          end associate
-         call read_shared_errors()
+         call read_shared_errors(problem, table, error)
          if (.not. allocated(error)) call take_nu()
          if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
          if (allocated(error)) return
@@ -342,45 +342,49 @@ contains
                & //to_text(stated)//' and '//to_text(nu(i))//'; one value is allowed')
          end associate
       end subroutine take_nu
-
-      !> Read the relative errors that the rows share, such as the calibration of the instrument:
-      !> from the file of shared errors, which has one row for each row of the table, or from the
-      !> columns shared_1, shared_2, .. of the table itself.
-      subroutine read_shared_errors()
-         type(table_type) :: source
-         real(wp), allocatable :: values(:, :)
-         logical, allocatable :: chosen(:)
-         integer :: j
-
-         source = table
-         if (allocated(problem%data%shared_file)) then
-            call read_table(problem%data%shared_file, source, error)
-         end if
-         if (.not. allocated(error) .and. source%rows /= table%rows) then
-            call refuse(error, to_text(source%rows)//' rows for '//to_text(table%rows) &
-               & //' of the measurements; each row has the errors of one of them')
-         end if
-         if (allocated(error)) source%columns = 0
-         chosen = [(index(source%name(j), 'shared_') == 1 &
-            & .or. (allocated(problem%data%shared_file) &
-            & .and. source%name(j) /= 'grain'), j=1, source%columns)]
-         if (any(chosen)) then
-            call source%numbers(pack([(j, j=1, source%columns)], chosen), values, error)
-            problem%data%shared_errors = transpose(values)
-            problem%data%shared_digest = source%digest()
-            ! They contain the error of the indenter.
-            if (.not. problem%states_calibration) then
-               problem%settings%measurements%calibration_sd = 0.0_wp
-            end if
-            if (allocated(problem%data%reference_grains)) then
-               call refuse(error, 'rows with a reference are not allowed beside shared errors')
-            end if
-         end if
-         if (allocated(problem%data%shared_file)) then
-            call prefix_error(error, 'shared_errors: '//printable(problem%data%shared_file)//': ')
-         end if
-      end subroutine read_shared_errors
    end subroutine take_measurements
+
+   !> Read the relative errors that the rows share, such as the calibration of the instrument:
+   !> from the file of shared errors, which has one row for each row of the table, or from the
+   !> columns shared_1, shared_2, .. of the table itself.
+   subroutine read_shared_errors(problem, table, error)
+      type(problem_type), intent(inout) :: problem
+      !> That of the measurements.
+      type(table_type), intent(in) :: table
+      type(error_type), allocatable, intent(out) :: error
+      type(table_type) :: source
+      real(wp), allocatable :: values(:, :)
+      logical, allocatable :: chosen(:)
+      integer :: j
+
+      source = table
+      if (allocated(problem%data%shared_file)) then
+         call read_table(problem%data%shared_file, source, error)
+      end if
+      if (.not. allocated(error) .and. source%rows /= table%rows) then
+         call refuse(error, to_text(source%rows)//' rows for '//to_text(table%rows) &
+            & //' of the measurements; each row has the errors of one of them')
+      end if
+      if (allocated(error)) source%columns = 0
+      chosen = [(index(source%name(j), 'shared_') == 1 &
+         & .or. (allocated(problem%data%shared_file) &
+         & .and. source%name(j) /= 'grain'), j=1, source%columns)]
+      if (any(chosen)) then
+         call source%numbers(pack([(j, j=1, source%columns)], chosen), values, error)
+         problem%data%shared_errors = transpose(values)
+         problem%data%shared_digest = source%digest()
+         ! They contain the error of the indenter.
+         if (.not. problem%states_calibration) then
+            problem%settings%measurements%calibration_sd = 0.0_wp
+         end if
+         if (allocated(problem%data%reference_grains)) then
+            call refuse(error, 'rows with a reference are not allowed beside shared errors')
+         end if
+      end if
+      if (allocated(problem%data%shared_file)) then
+         call prefix_error(error, 'shared_errors: '//printable(problem%data%shared_file)//': ')
+      end if
+   end subroutine read_shared_errors
 
    !> Say that an error is in the table of the measurements.
    subroutine locate_table(problem, error)
