@@ -29,7 +29,7 @@ module problem
    use text, only: newline, to_text
    implicit none
    private
-   public :: problem_type, new_problem, table_name, canonical_mark
+   public :: problem_type, new_problem, read_shared_errors, table_name, canonical_mark
 
    type :: problem_type
       !> Path as the user wrote it, or the Python function of the keywords; folder of the file with
@@ -70,6 +70,8 @@ module problem
       real(wp), allocatable :: shared_errors(:, :)
       !> File of the shared errors, unallocated: the table of the measurements; and its checksum.
       character(len=:), allocatable :: shared_file, shared_digest
+      !> Why a file of shared errors that Python has read is refused.
+      character(len=:), allocatable :: shared_refusal
       !> Stiffness of &knowledge.
       type(stiffness_table_type), allocatable :: stiffness
       !> Layers of &specimen.
@@ -175,6 +177,7 @@ contains
          if (allocated(s%measurements%shared_errors) .and. .not. given%has('measurements')) then
             self%shared_file = resolve_path(self%folder, s%measurements%shared_errors)
          end if
+         if (given%has('shared_refusal')) self%shared_refusal = given%text('shared_refusal')
          call find_text('measurements', s%measurements%file, self%table_text)
          call locate_table(self, error)
          if (allocated(error)) return
@@ -497,7 +500,7 @@ contains
                return
             end if
          end associate
-         call read_shared_errors()
+         call take_shared_errors()
          if (.not. allocated(error)) call take_nu()
          if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
          if (allocated(error)) return
@@ -524,39 +527,52 @@ contains
          end associate
       end subroutine take_nu
 
-      !> Read the relative errors that the rows share, such as the calibration of the instrument:
-      !> from the file of shared errors, which has one row for each row of the table, or from the
-      !> columns shared_1, shared_2, .. of the table itself.
-      subroutine read_shared_errors()
+      !> Read the relative errors that the rows share.
+      subroutine take_shared_errors()
          type(table_type) :: source
          real(wp), allocatable :: values(:, :)
-         logical, allocatable :: chosen(:)
-         integer :: j
 
+         if (allocated(self%shared_refusal)) call refuse(error, self%shared_refusal)
+         if (allocated(error)) return
          source = table
-         if (allocated(self%shared_file)) call read_table(self%shared_file, source, error)
-         if (.not. allocated(error) .and. source%rows /= table%rows) then
-            call refuse(error, to_text(source%rows)//' rows for '//to_text(table%rows) &
-               & //' of the measurements; each row has the errors of one of them')
+         call read_shared_errors(self%shared_file, table%rows, source, values, error)
+         if (allocated(error)) return
+         if (size(values) == 0) return
+         self%shared_errors = transpose(values)
+         self%shared_digest = source%digest()
+         ! They contain the error of the indenter.
+         if (.not. self%states_calibration) self%settings%measurements%calibration_sd = 0.0_wp
+         if (allocated(self%reference_grains)) then
+            call refuse(error, 'rows with a reference are not allowed beside shared errors')
          end if
-         if (allocated(error)) source%columns = 0
-         chosen = [(index(source%name(j), 'shared_') == 1 .or. (allocated(self%shared_file) &
-            & .and. source%name(j) /= 'grain'), j=1, source%columns)]
-         if (any(chosen)) then
-            call source%numbers(pack([(j, j=1, source%columns)], chosen), values, error)
-            self%shared_errors = transpose(values)
-            self%shared_digest = source%digest()
-            ! They contain the error of the indenter.
-            if (.not. self%states_calibration) self%settings%measurements%calibration_sd = 0.0_wp
-            if (allocated(self%reference_grains)) then
-               call refuse(error, 'rows with a reference are not allowed beside shared errors')
-            end if
-         end if
-         if (allocated(self%shared_file)) then
-            call prefix_error(error, 'shared_errors: '//printable(self%shared_file)//': ')
-         end if
-      end subroutine read_shared_errors
+      end subroutine take_shared_errors
    end subroutine take_measurements
+
+   !> Read relative errors that rows share, such as the calibration of the instrument: all columns
+   !> of a file but that of the grains, or the columns shared_1, shared_2, .. of a table.
+   subroutine read_shared_errors(path, rows, table, values, error)
+      !> Unallocated: the errors are those of the `table`, which is that of the file otherwise.
+      character(len=:), allocatable, intent(in) :: path
+      !> Rows of the measurements.
+      integer, intent(in) :: rows
+      type(table_type), intent(inout) :: table
+      !> (error, row).
+      real(wp), allocatable, intent(out) :: values(:, :)
+      type(error_type), allocatable, intent(out) :: error
+      integer :: j
+
+      if (allocated(path)) call read_table(path, table, error)
+      if (.not. allocated(error) .and. table%rows /= rows) then
+         call refuse(error, to_text(table%rows)//' rows for '//to_text(rows) &
+            & //' of the measurements; each row has the errors of one of them')
+      end if
+      if (.not. allocated(error)) then
+         call table%numbers(pack([(j, j=1, table%columns)], [(index(table%name(j), 'shared_') == 1 &
+            & .or. (allocated(path) .and. table%name(j) /= 'grain'), j=1, table%columns)]), &
+            & values, error)
+      end if
+      if (allocated(path)) call prefix_error(error, 'shared_errors: '//printable(path)//': ')
+   end subroutine read_shared_errors
 
    !> Say that an error is in the table of the measurements.
    subroutine locate_table(self, error)
