@@ -17,7 +17,8 @@ module operations
    use machine, only: check_memory
    use point_tables, only: read_crystals
    use problem, only: problem_type
-   use kinds, only: i8
+   use problem_tables, only: read_shared_errors
+   use kinds, only: i8, wp
    use progress, only: advance_progress, begin_progress, end_progress, show_progress
    use running_command, only: end_command, listen, stop_listening, take_folder, watch_signals
    use settings_schema, only: settings_type
@@ -28,6 +29,7 @@ module operations
    use stages, only: all_stages, problem_of_text, read_problem, run_command, stage_row_type
    use surrogate_model, only: load_named_surrogate, surrogate_type
    use surrogate_operations, only: use_basis, use_surrogate
+   use tables, only: table_type
    implicit none
    private
    public :: perform
@@ -106,6 +108,8 @@ contains
       type(crystal_class_type) :: class
       type(entry_type), allocatable :: namelist(:)
       type(settings_type) :: settings
+      type(table_type) :: table
+      real(wp), allocatable :: values(:, :)
       type(stage_row_type), parameter :: rows(*) = [run_command, all_stages]
       character(len=:), allocatable :: path
       integer :: i
@@ -149,6 +153,11 @@ contains
          if (allocated(x%error)) return
          call read_crystals(path, class, problem%data%crystals, x%error)
          call locate_error(x%error, path)
+      case ('file.shared_errors')
+         !> path, rows -> values
+         ! The relative errors that rows share, (n, k).
+         call read_shared_errors(path, x%in%integer('rows'), table, values, x%error)
+         if (.not. allocated(x%error)) call x%out%put('values', values)
       case ('file.surrogate')
          !> name, symmetry, output, folder, data_folder, shipped -> handle
          allocate (surrogate)

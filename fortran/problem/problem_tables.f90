@@ -19,7 +19,7 @@ module problem_tables
    use velocity_tables, only: append_velocities, read_velocities
    implicit none
    private
-   public :: load_tables, take_curve_results
+   public :: load_tables, read_shared_errors, take_curve_results
 
 contains
 
@@ -41,6 +41,7 @@ contains
             problem%data%shared_file = resolve_path(problem%run%folder, &
                & s%measurements%shared_errors)
          end if
+         if (given%has('shared_refusal')) problem%data%shared_refusal = given%text('shared_refusal')
          call find_text('measurements', s%measurements%file, problem%data%table_text)
          call locate_table(problem, error)
          if (allocated(error)) return
@@ -51,9 +52,7 @@ contains
             s%measurements%modulus_kind = problem%data%measurements%modulus_kind
          end if
          if (.not. allocated(error)) call load_stiffness()
-         if (allocated(error)) return
          call load_grains('measurements', 'texture', s%measurements%texture, problem%data%texture)
-         if (allocated(error)) return
          call load_grains('next', 'candidates', s%next%candidates, problem%data%grains)
          if (.not. allocated(error)) call load_crystals(problem, error)
       end associate
@@ -136,13 +135,13 @@ contains
          call problem%locate('measurements', 'velocities', error)
       end subroutine load_velocities
 
-      !> Read the grains of a variable, if it is stated.
+      !> Read the grains of a variable, if it is stated and no error was met.
       subroutine load_grains(group, name, file, grains)
          character(len=*), intent(in) :: group, name
          character(len=:), allocatable, intent(in) :: file
          type(points_type), allocatable, intent(out) :: grains
 
-         if (.not. allocated(file)) return
+         if (allocated(error) .or. .not. allocated(file)) return
          allocate (grains)
          call find_table(name, file, grains%table)
          if (.not. allocated(error)) call read_grains(problem, radians, grains, error)
@@ -316,7 +315,7 @@ contains
                return
             end if
          end associate
-         call read_shared_errors(problem, table, error)
+         call take_shared_errors(problem, table, error)
          if (.not. allocated(error)) call take_nu()
          if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
          if (allocated(error)) return
@@ -344,46 +343,54 @@ contains
       end subroutine take_nu
    end subroutine take_measurements
 
-   !> Read the relative errors that the rows share, such as the calibration of the instrument:
-   !> from the file of shared errors, which has one row for each row of the table, or from the
-   !> columns shared_1, shared_2, .. of the table itself.
-   subroutine read_shared_errors(problem, table, error)
+   !> Set the relative errors that the rows of the measurements share.
+   subroutine take_shared_errors(problem, table, error)
       type(problem_type), intent(inout) :: problem
       !> That of the measurements.
       type(table_type), intent(in) :: table
       type(error_type), allocatable, intent(out) :: error
       type(table_type) :: source
       real(wp), allocatable :: values(:, :)
-      logical, allocatable :: chosen(:)
+
+      if (allocated(problem%data%shared_refusal)) call refuse(error, problem%data%shared_refusal)
+      if (allocated(error)) return
+      source = table
+      call read_shared_errors(problem%data%shared_file, table%rows, source, values, error)
+      if (allocated(error)) return
+      if (size(values) == 0) return
+      problem%data%shared_errors = transpose(values)
+      problem%data%shared_digest = source%digest()
+      ! They contain the error of the indenter.
+      if (.not. problem%states_calibration) problem%settings%measurements%calibration_sd = 0.0_wp
+      if (allocated(problem%data%reference_grains)) then
+         call refuse(error, 'rows with a reference are not allowed beside shared errors')
+      end if
+   end subroutine take_shared_errors
+
+   !> Read relative errors that rows share, such as the calibration of the instrument: all columns
+   !> of a file but that of the grains, or the columns shared_1, shared_2, .. of a table.
+   subroutine read_shared_errors(path, rows, table, values, error)
+      !> Unallocated: the errors are those of the `table`, which is that of the file otherwise.
+      character(len=:), allocatable, intent(in) :: path
+      !> Rows of the measurements.
+      integer, intent(in) :: rows
+      type(table_type), intent(inout) :: table
+      !> (error, row).
+      real(wp), allocatable, intent(out) :: values(:, :)
+      type(error_type), allocatable, intent(out) :: error
       integer :: j
 
-      source = table
-      if (allocated(problem%data%shared_file)) then
-         call read_table(problem%data%shared_file, source, error)
-      end if
-      if (.not. allocated(error) .and. source%rows /= table%rows) then
-         call refuse(error, to_text(source%rows)//' rows for '//to_text(table%rows) &
+      if (allocated(path)) call read_table(path, table, error)
+      if (.not. allocated(error) .and. table%rows /= rows) then
+         call refuse(error, to_text(table%rows)//' rows for '//to_text(rows) &
             & //' of the measurements; each row has the errors of one of them')
       end if
-      if (allocated(error)) source%columns = 0
-      chosen = [(index(source%name(j), 'shared_') == 1 &
-         & .or. (allocated(problem%data%shared_file) &
-         & .and. source%name(j) /= 'grain'), j=1, source%columns)]
-      if (any(chosen)) then
-         call source%numbers(pack([(j, j=1, source%columns)], chosen), values, error)
-         problem%data%shared_errors = transpose(values)
-         problem%data%shared_digest = source%digest()
-         ! They contain the error of the indenter.
-         if (.not. problem%states_calibration) then
-            problem%settings%measurements%calibration_sd = 0.0_wp
-         end if
-         if (allocated(problem%data%reference_grains)) then
-            call refuse(error, 'rows with a reference are not allowed beside shared errors')
-         end if
+      if (.not. allocated(error)) then
+         call table%numbers(pack([(j, j=1, table%columns)], [(index(table%name(j), 'shared_') == 1 &
+            & .or. (allocated(path) .and. table%name(j) /= 'grain'), j=1, table%columns)]), &
+            & values, error)
       end if
-      if (allocated(problem%data%shared_file)) then
-         call prefix_error(error, 'shared_errors: '//printable(problem%data%shared_file)//': ')
-      end if
+      if (allocated(path)) call prefix_error(error, 'shared_errors: '//printable(path)//': ')
    end subroutine read_shared_errors
 
    !> Say that an error is in the table of the measurements.

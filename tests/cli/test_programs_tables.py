@@ -222,11 +222,23 @@ def test_the_batch_program_reads_no_maps(tmp_path):
         ("&crystals points = 'C.csv' /\n&measurements file = 'T.csv' /\n", "&measurements file"),
         ("&crystals points = 'C.csv' /\n&sampler chains = 0 /\n", "&sampler chains"),
         ("&measurements file = 'T.csv', sample_nu = 0.9 /\n", "&measurements sample_nu"),
+        (
+            "&measurements file = 'T.csv', shared_errors = 'C.csv' /\n",
+            "&measurements file: T.csv: ",
+        ),
+        ("&measurements file = 'T.csv', shared_errors = 'none.csv' /\n", "&measurements file: T.c"),
+        (
+            "&measurements file = 'G.csv', shared_errors = 'S.csv' /\n&next candidates = 'T' /\n",
+            "&measurements file: G.csv: shared_errors: S.csv: 1 rows for 2",
+        ),
     ],
 )
 def test_of_two_errors_both_programs_report_the_same_one(bayesindent, tmp_path, wrong, first):
     (tmp_path / "T.csv").write_text("phi1_deg,Phi_deg,phi2_deg,sample_modulus_gpa\n1,2,3,200\n")
     (tmp_path / "C.csv").write_text("C11,C12,C44,phi1_deg,Phi_deg,phi2_deg\n1,2,3,0,0,0\n")
+    (tmp_path / "S.csv").write_text("grain,shared_1\na,0.02\n")
+    rows = "phi1_deg,Phi_deg,phi2_deg,effective_modulus_gpa,sd_gpa\n1,2,3,200,2\n4,50,6,210,2\n"
+    (tmp_path / "G.csv").write_text(rows)
     (tmp_path / "a.nml").write_text(f"&problem symmetry = 'cubic' /\n{wrong}")
     batch = subprocess.run(
         [BATCH, "a.nml", "--check"], cwd=tmp_path, capture_output=True, text=True, check=False

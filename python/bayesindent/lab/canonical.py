@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..common.result_files import as_csv
-from ..core import InputError, located
+from ..core import InputError, call, located
 from .cells import is_missing, is_number, missing, value_of
 from .cleaning import clean, leave_out_incomplete
 from .columns import (
@@ -56,12 +56,13 @@ MARK = "# Canonical table of bayesindent"
 
 @dataclass
 class Canonical:
-    """A canonical table: the `table` that was read, the `page` that is written, and the map that
-    gave the orientations, or None.
+    """A canonical table: the `table` that was read, the `page` that is written, why the file of
+    shared errors is refused, and the map that gave the orientations, or None.
     """
 
     table: LaboratoryTable
     page: str
+    refusal: str
     map: "IndentedMap | None" = None
 
 
@@ -102,15 +103,11 @@ def canonical_table(
             cell if is_missing(cell) else repr(value_of(cell) * factor) for cell in table.cells[j]
         ]
     shared = stated("shared_errors")
-    file = Path(facts["folder"]) / (shared or "")
-    errors = shared_of_file(file) if shared else {}
-    add_shared_errors(table, errors)
+    refusal = add_shared_errors(table, Path(facts["folder"]) / shared) if shared else ""
     if path := stated("orientations_file"):
         with located(origin, "measurements", "orientations_file"), located(path):
             add_orientations_of_file(table, Path(facts["folder"]) / path, stated("orientations_by"))
     leave_out_incomplete(table)
-    if any(name not in table.meanings for name in errors):
-        add_shared_errors(table, errors, file)
     indented = None
     if not stated("ebsd"):
         check_orientations(table, facts)
@@ -130,10 +127,10 @@ def canonical_table(
         if hint := hint_of(name):
             table.note(f"the column {name} is not read{hint}")
     if not (table.notes or indented or radians) and has_plain_text(table, found):
-        return Canonical(table, found.text)
+        return Canonical(table, found.text, refusal)
     if radians:
         convert_radians(table)
-    return Canonical(table, page_of(table, source, stated("modulus_kind")), indented)
+    return Canonical(table, page_of(table, source, stated("modulus_kind")), refusal, indented)
 
 
 def resolve(table: LaboratoryTable, given: Mapping[str, str], kind: str | None) -> None:
@@ -341,36 +338,18 @@ def add_orientations(
     return found
 
 
-def shared_of_file(path: Path) -> dict[str, list[str]]:
-    """The columns of a file of `&measurements shared_errors`, as shared_1, shared_2, .."""
-    begin = f"shared_errors: {path}: "
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{begin}{getattr(error, 'strerror', 'is no text')}") from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    names, *rows = [list(map(str.strip, row)) for row in csv.reader(lines)] or [[]]
-    if any(len(row) != len(names) for row in rows):
-        raise InputError(f"{begin}a row has not as many cells as the header, {len(names)}")
-    columns = [list(cells) for name, *cells in zip(names, *rows) if name != "grain"]
-    return {f"shared_{j}": cells for j, cells in enumerate(columns, 1)}
-
-
-def add_shared_errors(
-    table: LaboratoryTable, errors: Mapping[str, list[str]], file: Path | None = None
-) -> None:
-    """Add shared errors if there is a row for each row of the table; if there is not, refuse their
-    `file`.
+def add_shared_errors(table: LaboratoryTable, path: Path) -> str:
+    """Replace the shared errors of a table by those of a file with a row for each of its rows;
+    return why the file is refused. The core does that after the errors of the table.
     """
-    n = len(next(iter(errors.values()), []))
-    if n == len(table.cells):
-        for name, cells in errors.items():
-            table.add_column(name, cells)
-    elif file:
-        raise InputError(
-            f"shared_errors: {file}: {n} rows for {len(table.cells)} of the measurements; "
-            "each row has the errors of one of them"
-        )
+    table.meanings = ["" if SHARED.fullmatch(name) else name for name in table.meanings]
+    try:
+        values = call("file.shared_errors", path=path, rows=len(table.cells))["values"]
+    except InputError as error:
+        return str(error)
+    for j, cells in enumerate(values.T, 1):
+        table.add_column(f"shared_{j}", list(map(repr, cells.tolist())))
+    return ""
 
 
 def convert_radians(table: LaboratoryTable) -> None:

@@ -231,6 +231,8 @@ class Problem(NativeObject):
                 found = canonical_table(source, facts, path)
             if found:
                 self.table, self.map, pages["measurements"] = found.table, found.map, found.page
+                if found.refusal:
+                    pages["shared_refusal"] = found.refusal
                 subject = f"the table {file or ''}".strip()
                 notes = [("table_changed", f"{subject}: {note}") for note in found.table.notes]
         if self.map is not None:
