@@ -28,7 +28,7 @@ module further_measurements
    use text, only: to_text
    implicit none
    private
-   public :: suggest_measurements
+   public :: suggest_measurements, add_moduli, predict_candidates, write_suggestions
 
    !> Greatest number of draws, and number of scenarios of the results of earlier suggestions, for
    !> the expected gains.
@@ -301,6 +301,7 @@ contains
       type(problem_type), intent(in) :: problem
       type(candidates_type), intent(in) :: candidates
       type(suggestions_type), intent(in) :: suggestions
+      !> Sds of the next modulus, GPa, and of the next speed, m/s.
       real(wp), intent(in) :: sd(2)
       type(lattice_type) :: lattice
       type(error_type), allocatable :: unknown

@@ -22,7 +22,7 @@ module rivals
    use symmetric_harmonics, only: harmonics_type, new_harmonics
    implicit none
    private
-   public :: explanation_type, diagnosis_type, compare_rivals
+   public :: explanation_type, diagnosis_type, compare_rivals, constants_at
 
    abstract interface
       !> Make the rival k of a row, k = 1, 2, .. Without an explanation there are no more; without a
@@ -347,7 +347,7 @@ contains
       are_alike = all(abs(a - b) < rounding*b)
    end function are_alike
 
-   !> Parameters at working coordinates.
+   !> Parameters at the working coordinates `w`.
    pure function constants_at(posterior, w) result(x)
       type(posterior_type), intent(in) :: posterior
       real(wp), intent(in) :: w(:)

@@ -12,7 +12,7 @@ module statement_rivals
    use text, only: to_text
    implicit none
    private
-   public :: make_kind, make_knowledge, make_limits
+   public :: make_kind, make_knowledge, make_limits, part_of
 
 contains
 

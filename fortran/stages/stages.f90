@@ -24,6 +24,7 @@ module stages
    use simulate, only: check_simulation, new_simulator, simulator_type
    use simulate_stage, only: simulate_stage_type
    use surrogate_model, only: places_type
+   use tensor_stage, only: tensor_stage_type
    use text, only: join
    use theory_stage, only: theory_stage_type
    implicit none
@@ -33,7 +34,7 @@ module stages
 
    type :: stage_row_type
       character(len=8) :: name
-      !> The group of the namelist with which `run` performs the stage.
+      !> The group of the namelist with which `run` performs the stage; '-': it does not.
       character(len=12) :: trigger
       !> The groups that the stage needs. Defaults replace missing ones.
       character(len=80) :: groups
@@ -41,7 +42,7 @@ module stages
       character(len=16) :: document
    end type stage_row_type
 
-   type(stage_row_type), parameter :: all_stages(7) = [stage_row_type('simulate', 'crystals', &
+   type(stage_row_type), parameter :: all_stages(8) = [stage_row_type('simulate', 'crystals', &
       & 'problem crystals specimen indenter simulation execution', 'simulate.json'), &
       & stage_row_type('theory', 'crystals', &
       & 'problem crystals specimen indenter simulation execution', &
@@ -53,7 +54,9 @@ module stages
       & stage_row_type('extract', 'measurements', 'problem surrogate indenter measurements prior ' &
       & //'knowledge sampler execution', 'summary.json'), stage_row_type('next', 'next', &
       & 'problem surrogate indenter measurements prior knowledge sampler next execution', &
-      & 'next.json')]
+      & 'next.json'), stage_row_type('tensor', '-', &
+      & 'problem surrogate indenter measurements prior knowledge sampler next execution', &
+      & 'tensor.json')]
 
    !> The command for all stages that a file asks for.
    type(stage_row_type), &
@@ -129,6 +132,8 @@ contains
          allocate (next_stage_type :: stage)
       case ('plan')
          allocate (plan_stage_type :: stage)
+      case ('tensor')
+         allocate (tensor_stage_type :: stage)
       case default
          call refuse(error, 'no stage is named '//printable(name))
          return
@@ -247,15 +252,18 @@ contains
             call self%refuse('simulation', 'simulator', &
                & '''import'' cannot indent the &crystals; allowed ''fe'', ''theory''', error)
          else if (settings%measurements%orientations == 'unknown' &
-            & .and. any(self%run%stages == 'next' .or. self%run%stages == 'plan')) then
+            & .and. any(self%run%stages == 'next' .or. self%run%stages == 'plan' &
+            & .or. self%run%stages == 'tensor')) then
             call self%refuse('measurements', 'orientations', '''unknown'' cannot be combined ' &
-               & //'with &next or &plan, which compare orientations; remove one of them', error)
+               & //'with next, plan or tensor, which compare orientations; remove one of ' &
+               & //'them', error)
          else if (any(self%run%stages == 'build')) then
             call check_build(self, error)
          end if
       end associate
       if (allocated(error)) return
-      if (any(self%run%stages == 'extract' .or. self%run%stages == 'next')) then
+      if (any(self%run%stages == 'extract' .or. self%run%stages == 'next' &
+         & .or. self%run%stages == 'tensor')) then
          call check_step_2(self, error)
       end if
       if (allocated(error)) return

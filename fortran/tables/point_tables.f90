@@ -64,7 +64,7 @@ module point_tables
    end type points_type
 
    !> Largest plausible stiffness, GPa.
-   real(wp), parameter, public :: stiffness_most = 5000.0_wp
+   real(wp), parameter :: stiffness_most = 5000.0_wp
    !> What the columns of elastic constants may have.
    type(column_type), parameter :: constant_column = column_type('', &
       & [-stiffness_most, stiffness_most], ' GPa', ' looks like MPa; allowed up to 5000.0 GPa')

@@ -9,7 +9,7 @@ module stiffness_table
    use files, only: printable
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
-   use point_tables, only: points_type, read_constants, stiffness_most
+   use point_tables, only: points_type, read_constants
    use tables, only: longest_name, parse_table, table_type
    use text, only: join, newline, read_real, split_list, to_text
    implicit none
@@ -35,6 +35,8 @@ contains
       type(crystal_class_type), intent(in) :: class
       type(stiffness_table_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
+      !> Above all constants of solids, GPa.
+      real(wp), parameter :: largest = 1300.0_wp
       integer :: i, j
 
       if (allocated(relative_sd)) then
@@ -43,6 +45,10 @@ contains
          call parse_table(content, self%table, error)
          if (.not. allocated(error)) call read_rows(self%table)
       end if
+      if (allocated(error)) return
+      i = maxloc(abs(self%mean), dim=1)
+      call check(abs(self%mean(i)) < largest, class%constants(i)//' is '//to_text(self%mean(i)) &
+         & //' GPa, above that of diamond, 1080; are these kBar (10 kBar = 1 GPa) or MPa?')
       if (allocated(error)) return
       call check_stiffness(class%stiffness(self%mean), error)
       call prefix_error(error, 'the mean: ')
@@ -97,11 +103,6 @@ contains
          if (allocated(error)) return
          self%mean = values(:, row(1))
          self%covariance = transpose(values(:, row(2:)))
-         do j = 1, class%n_constants
-            call check(abs(self%mean(j)) <= stiffness_most, 'the mean of '//class%constants(j) &
-               & //', '//to_text(self%mean(j))//' GPa, looks like MPa; allowed up to ' &
-               & //to_text(stiffness_most)//' GPa')
-         end do
       end subroutine read_rows
 
       !> Refuse a covariance that is not symmetric, apart from rounding, or not positive definite.

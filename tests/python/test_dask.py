@@ -3,6 +3,7 @@ the way.
 """
 
 import json
+import os
 import signal
 import socket
 import sqlite3
@@ -212,3 +213,30 @@ def test_an_own_cluster_has_a_certificate(tmp_path):
         assert found[0][1] == 9
         with pytest.raises((OSError, TimeoutError, TypeError)):
             distributed.Client(address, timeout=1.0, set_as_default=False)
+
+
+def test_a_job_of_slurm_has_what_execution_states(tmp_path, process, monkeypatch):
+    pytest.importorskip("dask_jobqueue", reason="the extra dask is not installed")
+    (tmp_path / "sbatch").write_text(
+        f"#!/bin/sh\ncat > {tmp_path}/job.sh\necho 'sbatch: error: no partition' >&2\nexit 1\n"
+    )
+    (tmp_path / "sbatch").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    monkeypatch.setenv("DASK_CONFIG", str(tmp_path))
+    groups = (
+        "&problem seed = 1 /\n&simulation refine = 0.6, depths = 4 /\n&design budget = 40 /\n"
+        "&execution engine = 'dask', scheduler = 'slurm'{} /\n"
+    )
+    (tmp_path / "a.nml").write_text(groups.format(""))
+    done = process("build", "a.nml")
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+    assert "a.nml: &execution scheduler: 'slurm' needs the cores and the memory" in done.stderr
+    job = ", cores = 3, memory = '5GB', walltime = '00:07:00'"
+    (tmp_path / "a.nml").write_text(groups.format(job))
+    done = process("build", "a.nml")
+    assert done.returncode == 2 and "Traceback" not in done.stderr
+    assert "a.nml: &execution scheduler: SLURM refuses the job: sbatch: error: no" in done.stderr
+    script = (tmp_path / "job.sh").read_text()
+    assert all(
+        f"#SBATCH {line}" in script for line in ("--cpus-per-task=3", "--mem=5G", "-t 00:07")
+    )

@@ -5,6 +5,7 @@ Modules: interface.py.
 
 import doctest
 import inspect
+import json
 import shutil
 import warnings
 
@@ -64,6 +65,8 @@ def folder(tmp_path_factory):
     header = "phi1_deg,Phi_deg,phi2_deg,indentation_modulus_gpa,sd_gpa"
     np.savetxt(folder / "grains.csv", rows, "%.4f", ",", header=header, comments="")
     (folder / "crystals.csv").write_text(CRYSTALS)
+    stiffness = bi.stiffness("cubic", 168.4, 121.4, 75.4).tolist()
+    (folder / "copper.json").write_text(json.dumps({"ieee_format": stiffness}))
     (folder / "map_indents.csv").write_text(INDENTS)
     for name, text in NAMELISTS.items():
         (folder / name).write_text(text)

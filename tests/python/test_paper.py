@@ -14,6 +14,7 @@ import pytest
 
 import bayesindent as bi
 from bayesindent.common.progress import progress_bar
+from bayesindent.lab.tensors import matrix_of_json
 from bayesindent.program.cli import main
 from bayesindent.report import drawing
 from bayesindent.report.paper import card
@@ -194,6 +195,13 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     assert (
         f"{1000 * expected[0, 0]:.10g}, {1000 * expected[0, 1]:.10g},"
         in (paper / "stiffness_calculix.inp").read_text()
+    )
+    # The constants are a tensor again.
+    for name, sd in (("json", {"relative_sd": 0.02}), ("csv", {})):
+        again = bi.tensor(file, paper / f"stiffness.{name}", output=tmp_path / name, **sd)
+        assert again["predictive_p"] > 0.05
+    assert np.array(matrix_of_json(paper / "stiffness.json").split(), float) == pytest.approx(
+        expected.ravel()
     )
     # What was known has its source, or a place for it.
     assert "state the source" not in text

@@ -284,10 +284,10 @@ def test_a_table_without_angles_gives_constants_and_a_report(tmp_path, capsys, f
         ("ebsd = 'map.ang'", "ebsd"),
         ("velocities = 'v.csv'", "velocities"),
         ("scale = 'inferred'", "scale = 'inferred'"),
-        ("/\n&next count = 2", "&next or &plan, which compare orientations"),
+        ("/\n&next count = 2", "next, plan or tensor, which compare orientations"),
         (
             "/\n&plan grains = 5 noise = 0.02 constants = 168, 121, 75",
-            "&next or &plan, which compare orientations",
+            "next, plan or tensor, which compare orientations",
         ),
     ],
 )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.engines import ENGINES
+from bayesindent.engines import engine_of
 from bayesindent.program.cli import main
 from bayesindent.report.results import Results
 from bayesindent.settings.problem import schema
@@ -301,7 +301,7 @@ def engine(folder, groups):
     execution = written(
         folder, {"problem": {"symmetry": "cubic"}, "crystals": {"points": "points.csv"}} | groups
     ).settings.execution
-    with ENGINES[execution.engine](execution.workers, execution.scheduler) as made:
+    with engine_of(execution) as made:
         return type(made).__name__, getattr(made, "workers", None)
 
 
@@ -600,6 +600,8 @@ EFFECTS = {
         "workers": (engine, {"execution": {"workers": 1}}, 3),
         "engine": (engine, {}, "dask"),
         "scheduler": None,  # test_dask: a scheduler at an address
+        # test_dask: the script of a job
+        **dict.fromkeys(("cores", "memory", "walltime")),
     },
 }
 

@@ -4,13 +4,23 @@ as it is complete.
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
+from typing import Any
 
 from .dask import DaskEngine
 from .local import LocalEngine
 
-#: Functions that make the engine of a name in &execution from its workers and scheduler, for a
-#: `with` statement.
-ENGINES: dict[str, Callable[[int, str], AbstractContextManager]] = {
-    "local": lambda workers, scheduler: nullcontext(LocalEngine(workers)),
+#: Functions that make the engine of a name in &execution from its workers and scheduler and what a
+#: job takes, for a `with` statement.
+ENGINES: dict[str, Callable[..., AbstractContextManager]] = {
+    "local": lambda workers, *_, **__: nullcontext(LocalEngine(workers)),
     "dask": DaskEngine,
 }
+#: Variables of &execution that say what a job takes.
+OF_JOB = ("cores", "memory", "walltime")
+
+
+def engine_of(execution: Any) -> AbstractContextManager:
+    """The engine of the settings of &execution."""
+    stated = {name: getattr(execution, name) for name in OF_JOB}
+    job = {name: value for name, value in stated.items() if value}
+    return ENGINES[execution.engine](execution.workers, execution.scheduler, **job)

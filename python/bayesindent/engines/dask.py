@@ -3,6 +3,7 @@ of SLURM.
 """
 
 import pickle
+import subprocess
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from functools import lru_cache, partial
@@ -21,14 +22,15 @@ class DaskEngine(AbstractContextManager):
     workers of a scheduler.
 
     `scheduler` is 'local', 'slurm' (as configured in Dask's `jobqueue.yaml`), an address such as
-    'tcp://head:8786', or 'address': that of Dask's configuration. Raises `InputError` if the
-    packages or the address are missing and `MachineError` if no scheduler answers or it has no
-    worker. If a worker dies, another one repeats its simulation.
+    'tcp://head:8786', or 'address': that of Dask's configuration. `job` is what a job of SLURM
+    takes beside its `jobqueue.yaml`. Raises `InputError` if packages, address or memory are missing
+    and `MachineError` if no scheduler answers or it has no worker. If a worker dies, another one
+    repeats its simulation.
     """
 
-    def __init__(self, workers: int = 0, scheduler: str = "local"):
+    def __init__(self, workers: int = 0, scheduler: str = "local", **job: Any):
         try:
-            self._client, self._cluster = _connect(workers, scheduler)
+            self._client, self._cluster = _connect(workers, scheduler, job)
         except ModuleNotFoundError as error:
             raise InputError(
                 f"'dask' needs the package {error.name}: {installation(str(error.name))}",
@@ -78,7 +80,7 @@ def _run(pickled: bytes, item: object) -> object:
     return _job(pickled)(item)
 
 
-def _connect(workers: int, scheduler: str) -> tuple:
+def _connect(workers: int, scheduler: str, job: dict) -> tuple:
     """A client, and its own cluster or None."""
     import dask
     from distributed import Client, LocalCluster
@@ -97,7 +99,25 @@ def _connect(workers: int, scheduler: str) -> tuple:
     elif scheduler == "slurm":
         from dask_jobqueue import SLURMCluster
 
-        cluster = SLURMCluster(**own)
+        try:
+            cluster = SLURMCluster(**job, **own)
+        except ValueError:
+            raise InputError(
+                "'slurm' needs the cores and the memory of a job, such as cores = 8, memory = "
+                "'16GB', here or in Dask's jobqueue.yaml",
+                group="execution",
+                variable="scheduler",
+            ) from None
+        # A job that SLURM refuses would be submitted again and again.
+        tried = subprocess.run(
+            ["sbatch", "--test-only"], input=cluster.job_script(), text=True, capture_output=True
+        )
+        if tried.returncode:
+            raise InputError(
+                f"SLURM refuses the job: {' '.join(tried.stderr.split())}",
+                group="execution",
+                variable="scheduler",
+            )
         cluster.scale(workers or 1)
     else:
         if scheduler == "address" and not (scheduler := dask.config.get("scheduler-address", "")):

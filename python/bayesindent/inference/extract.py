@@ -21,6 +21,7 @@ from .measurements import GROUPS, problem_of
 #: Variables that have no keyword of their name; other keywords replace them.
 LEFT_OUT = (
     *("symmetry", "title", "synthetic", "file", "c_min", "c_max", "draws", "engine", "scheduler"),
+    *("cores", "memory", "walltime"),
 )
 
 

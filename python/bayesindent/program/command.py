@@ -65,6 +65,7 @@ def prepare(arguments: argparse.Namespace, patience_s: int | None = 0) -> tuple[
     options = {
         "&sampler samples": getattr(arguments, "samples", None),
         "&problem seed": arguments.seed,
+        **getattr(arguments, "stated", {}),
     }
     changes = "\n".join(
         f"{name} = {value} /" for name, value in options.items() if value is not None

@@ -18,6 +18,7 @@ EXAMPLES = {
     "simulate": "'crystals.nml', output='simulated'",
     "theory": "'crystals.nml', output='exact'",
     "next": "'grains.nml'",
+    "tensor": "'grains.nml', 'copper.json', relative_sd=0.05",
     "predict": "surrogate='block', points='crystals.csv', symmetry='cubic'",
 }
 

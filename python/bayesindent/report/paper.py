@@ -1,5 +1,6 @@
 """The author's pack: what a paper takes from a run, in files that journals take."""
 
+import json
 from collections.abc import Sequence
 
 import numpy as np
@@ -52,6 +53,14 @@ def write_paper(results: Results, tables: dict[str, Table]) -> None:
     )
     means = [results.extracted["parameters"][name]["mean"] for name in results.constants]
     matrix = stiffness_rows(results.symmetry, [means])[0]
+    covariance = np.cov(draws.reshape(-1, len(means)), rowvar=False)
+    write_csv(
+        folder / "stiffness.csv",
+        ["row", *results.constants],
+        zip(["mean", *results.constants], *np.vstack([means, covariance]).T.tolist()),
+    )
+    tensor = {"elastic_tensor": {"ieee_format": matrix.tolist()}}
+    write_text(folder / "stiffness.json", json.dumps(tensor))
     for solver in SOLVERS:
         write_text(folder / f"stiffness_{solver}.inp", card(results, matrix, solver))
 

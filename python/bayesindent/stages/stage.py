@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..common.progress import progress_bar
-from ..core import MachineError, NativeObject
+from ..core import MachineError, NativeObject, located
 from ..settings.problem import Problem
 from ..surrogate.surrogate import places
 
@@ -117,16 +117,15 @@ def run_stage(
     performs the simulations on the engine of &execution.
     """
     # Importing the engines takes time, which other commands save.
-    from ..engines import ENGINES
+    from ..engines import engine_of
 
     stage, execution, engine = Stage(problem, name, output), problem.settings.execution, None
     with progress_bar("simulations", stage.expected) as advance, ExitStack() as opened:
         opened.callback(stage._call, "leave")
         while (wanted := stage.wanted())[0]:
             numbers, jobs = wanted
-            engine = engine or opened.enter_context(
-                ENGINES[execution.engine](execution.workers, execution.scheduler)
-            )
+            with located(problem.path):
+                engine = engine or opened.enter_context(engine_of(execution))
             simulate = simulate or Simulations(str(problem.path), stage.physics)
 
             def store(k: int, outcome: dict, numbers: list[int] = numbers) -> None:

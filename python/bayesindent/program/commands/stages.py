@@ -17,11 +17,13 @@ from ...report.formatting import (
     digits_of,
     number,
     numbers,
+    orientation,
+    plus_minus,
     region,
     share_cells,
     suggested_grains,
 )
-from ...settings.problem import Problem, read_crystals
+from ...settings.problem import Problem, read_crystals, spelled
 from ...stages.build import ask, tell
 from ...stages.results_folder import read_posterior
 from ...stages.stage import run_stage
@@ -256,18 +258,22 @@ def after_extract(arguments: argparse.Namespace, document: dict) -> str:
     return f"{report_of(arguments, document)}{more}"
 
 
+def along_z(item: dict) -> str:
+    """The direction of a suggestion along the indenter."""
+    return item.get("uvw") or " ".join(f"{component:.2f}" for component in item["direction"])
+
+
 def show_next(document: dict) -> None:
     """Print the suggested orientations or grains and their directions along the indenter."""
     suggestions = document["suggestions"]
     grains = any("grain" in item for item in suggestions)
     rows, header = [], ["phi1", "Phi", "phi2", "along z", f"expected gain ({document['unit']})"]
     for name, item in zip(suggested_grains(suggestions), suggestions):
-        along = item.get("uvw") or " ".join(f"{component:.2f}" for component in item["direction"])
         rows.append(
             [
                 *[name] * grains,
                 *(f"{angle:.1f}" for angle in item["euler_deg"]),
-                region(item, along),
+                region(item, along_z(item)),
                 f"{item['gain']:.3g}",
             ]
         )
@@ -276,6 +282,47 @@ def show_next(document: dict) -> None:
         ["grain", *header] if grains else header,
         rows,
     )
+
+
+def tensor(arguments: argparse.Namespace) -> dict:
+    """Perform the stage with the tensor as `&knowledge stiffness_file`."""
+    path, sd = arguments.tensor, arguments.relative_sd
+    more = f", stiffness_relative_sd = {sd}" if sd is not None else ""
+    arguments.stated = {"&knowledge stiffness_file": spelled(path.resolve()) + more}
+    # The folder of extract remains that of its own inputs.
+    arguments.output = arguments.output or Path("runs") / f"{arguments.file.stem}-{path.stem}"
+    return perform_stage(arguments)
+
+
+def add_tensor_arguments(parser: argparse.ArgumentParser) -> None:
+    """The tensor and its uncertainty."""
+    parser.add_argument(
+        "tensor",
+        metavar="TENSOR",
+        type=Path,
+        help="JSON of Materials Project or pymatgen, 6 x 6 numbers (GPa), or means and covariance",
+    )
+    parser.add_argument(
+        "--relative-sd", metavar="X", type=float, help="of each constant, such as 0.05"
+    )
+
+
+def show_tensor(document: dict) -> None:
+    """Print whether the measurements agree with the tensor."""
+    worst = max(document["predicted"], key=lambda grain: abs(grain["deviation"]))
+    print(
+        f"Predictive p of the tensor: {number(document['predictive_p'], 4)} "
+        f"(chi-square {number(document['chi_square'])} for {document['freedom']:.0f})\n"
+        f"Log odds over a free crystal: {number(document['log_odds'])}\n"
+        f"Largest deviation: {worst.get('grain') or orientation(worst['euler_deg'])}, measured "
+        f"{worst['measured']:.1f}, the tensor gives {plus_minus(worst)} "
+        f"({worst['deviation']:.1f} sds)"
+    )
+    for face in document.get("suggestions", ()):
+        print(
+            f"Face that would refute it soonest: {face.get('grain', '')} {along_z(face)} (expected "
+            f"growth of the log odds if another crystal is right: {face['gain']:.2g})"
+        )
 
 
 def run(arguments: argparse.Namespace) -> dict:
@@ -360,6 +407,9 @@ COMMANDS = (
             f"measure such grains, add them to the measurements of {arguments.file}, and "
             "bayesindent run it again"
         ),
+    ),
+    namelist_command(
+        "tensor", action=tensor, arguments=add_tensor_arguments, show=show_tensor, resumes=True
     ),
     namelist_command(
         "run",
