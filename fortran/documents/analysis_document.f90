@@ -370,7 +370,8 @@ contains
          end if
          if (posterior%n_moduli > 0) then
             call add_line(lines, 'measured: '//posterior%observable%name//' of ' &
-               & //to_text(posterior%n_moduli)//' grains'//line)
+               & //to_text(posterior%n_moduli)//' grains, technique ' &
+               & //posterior%settings%technique//line)
          end if
          if (posterior%n_moduli < posterior%n_grains) then
             call add_line(lines, 'measured: speeds of waves in ' &

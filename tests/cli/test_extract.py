@@ -21,7 +21,7 @@ CASE = f"""&problem symmetry = 'cubic' /
 &sampler samples = 1000, burn_in = 1500, chains = 2 /
 """
 PRIOR = [
-    "measured: indentation_modulus of 11 grains",
+    "measured: indentation_modulus of 11 grains, technique exact",
     "uniform in the constants over stable crystals, anisotropy index (Eq. 14) up to 7.2",
     "bounds in GPa: C11 50.0 .. 250.0, C12 40.0 .. 150.0, C44 15.0 .. 150.0",
     "known: bulk_modulus = 165.0 ± 3.3 GPa",

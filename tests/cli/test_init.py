@@ -148,4 +148,9 @@ def test_every_class_and_structure_has_a_file_that_is_right(tmp_path):
         assert bi.Problem(tmp_path / "grains.nml").stages == ["extract", "next"]
         # Every comment that is taken away leaves a variable.
         for line in namelist.splitlines():
-            assert not re.match(r"  ! \w+ = $", line)
+            assert not re.match(r" *! \w+ = $", line)
+        # What most people change is on the first screen.
+        screen = namelist[: namelist.index("! Every other variable")]
+        assert screen.count("\n") < 60
+        for variable in ("modulus_kind", "technique", "calibration_sd", "quantity"):
+            assert f" {variable} = " in screen

@@ -19,7 +19,11 @@ NAMELIST, TABLE = "grains.nml", "grains.csv"
 
 #: Variables of &surrogate that only `build` reads.
 FOR_BUILDING = ("model", "degree", "bandlimit", "truncation", "scan")
-
+#: What most people change, in the groups; a list after them explains all other variables.
+FIRST = (
+    *("symmetry", "title", "file", "modulus_kind", "technique", "calibration_sd"),
+    *("quantity", "mean", "sd", "samples", "count"),
+)
 
 #: Lines of modulus_kind, the variable without a default.
 KINDS = (
@@ -66,7 +70,8 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
         "! What starts with ! is a comment: take the ! away where you want another value than "
         "the default.",
     ]
-    # These variables are set; the others of their groups are comments with the defaults.
+    rest = ["", "! Every other variable with its default: copy a line into its group."]
+    # These variables are set.
     problem = {"symmetry": word, "title": known.name.capitalize() if known else ""}
     stated_of = {
         "problem": problem,
@@ -82,21 +87,25 @@ def template(symmetry: str | None, metal: str | None) -> dict[str, str]:
             for variable in schema()
             if variable.group == group and variable.name not in without
         ]
-        lines += ["", f"! {variables[0].group_meaning}"]
-        if group == "prior":
-            lines += [f"! The constants are in the order {constants}."]
-        lines += [f"&{group}"]
+        first = [variable for variable in variables if variable.name in FIRST]
+        lines += ["", f"&{group}"]
         if of_metal:
             lines += knowledge(of_metal)
-        for variable in variables:
+        for variable in first:
             lines += (
                 KINDS
                 if variable.name == "modulus_kind"
                 else explained(variable, stated_of.get(group, {}).get(variable.name))
             )
         lines += ["/"]
+        rest += ["", f"! &{group}: {variables[0].group_meaning}"]
+        if group == "prior":
+            rest += [f"! The constants are in the order {constants}."]
+        for variable in variables:
+            if variable not in first:
+                rest += [line.strip() for line in explained(variable, None)]
     return {
-        NAMELIST: "\n".join(lines) + "\n",
+        NAMELIST: "\n".join(lines + rest) + "\n",
         TABLE: Path(__file__).with_name(TABLE).read_text(encoding="utf-8"),
     }
 

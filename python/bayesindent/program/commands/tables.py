@@ -164,8 +164,8 @@ COMMANDS = (
         arguments=add_table_arguments,
         show=show_understood,
         then=lambda _, document: (
-            f"&measurements file = '{document['table']}' in a namelist (bayesindent init writes "
-            "one)"
+            f"&measurements file = '{document['table']}', technique = 'oliver_pharr' or "
+            "'elastic_sphere' in a namelist (bayesindent init writes one)"
         ),
     ),
     Command(
