@@ -31,16 +31,16 @@ module campaign_file
 
    interface
       type(c_ptr) function c_open(path) bind(c, name='bayesindent_open_database')
-         import :: c_char, c_ptr
+         import
          character(kind=c_char), intent(in) :: path(*)
       end function c_open
       subroutine c_close(handle) bind(c, name='bayesindent_close_database')
-         import :: c_ptr
+         import
          type(c_ptr), value :: handle
       end subroutine c_close
       type(c_ptr) function c_query(handle, sql, values, length, bytes, code) bind(c, &
          & name='bayesindent_query')
-         import :: c_char, c_int, c_ptr
+         import
          type(c_ptr), value :: handle
          character(kind=c_char), intent(in) :: sql(*), values(*)
          integer(c_int), value :: length

@@ -21,37 +21,37 @@ module files
 
    interface
       subroutine c_make_folder(path) bind(c, name='bayesindent_make_folder')
-         import :: c_char
+         import
          character(kind=c_char), intent(in) :: path(*)
       end subroutine c_make_folder
       subroutine c_place_file(beside, path, whole) bind(c, name='bayesindent_place_file')
-         import :: c_bool, c_char
+         import
          character(kind=c_char), intent(in) :: beside(*), path(*)
          logical(c_bool), value :: whole
       end subroutine c_place_file
       integer(c_int) function c_read_file(path, largest, n) bind(c, name='bayesindent_read_file')
-         import :: c_char, c_int
+         import
          character(kind=c_char), intent(in) :: path(*)
          integer(c_int), value :: largest
          integer(c_int), intent(out) :: n
       end function c_read_file
       subroutine c_take_bytes(bytes) bind(c, name='bayesindent_take_bytes')
-         import :: c_char
+         import
          ! allow(C072)
          character(kind=c_char), intent(out) :: bytes(*)
       end subroutine c_take_bytes
       type(c_ptr) function c_begin_file(path, beside) bind(c, name='bayesindent_begin_file')
-         import :: c_char, c_ptr
+         import
          character(kind=c_char), intent(in) :: path(*), beside(*)
       end function c_begin_file
       subroutine c_add_to_file(file, bytes, n) bind(c, name='bayesindent_add_to_file')
-         import :: c_char, c_int, c_ptr
+         import
          type(c_ptr), value :: file
          character(kind=c_char), intent(in) :: bytes(*)
          integer(c_int), value :: n
       end subroutine c_add_to_file
       subroutine c_finish_file(file, reason, size) bind(c, name='bayesindent_finish_file')
-         import :: c_char, c_int, c_ptr
+         import
          type(c_ptr), value :: file
          ! allow(C072)
          character(kind=c_char), intent(out) :: reason(*)
@@ -59,10 +59,10 @@ module files
       end subroutine c_finish_file
       !> The number of this process.
       integer(c_int) function process_number() bind(c, name='getpid')
-         import :: c_int
+         import
       end function process_number
       type(c_ptr) function c_realpath(path, resolved) bind(c, name='realpath')
-         import :: c_char, c_ptr
+         import
          character(kind=c_char), intent(in) :: path(*)
          ! allow(C072)
          character(kind=c_char), intent(out) :: resolved(*)
@@ -304,7 +304,7 @@ contains
       character(len=*), intent(in) :: string
       character(len=:), allocatable :: shown
       integer, parameter :: longest = 80
-      integer :: i, last
+      integer :: i, last, code
 
       last = len(string)
       if (last > longest) then
@@ -316,7 +316,12 @@ contains
       end if
       shown = string(:last)
       do i = 1, last
-         if (iachar(shown(i:i)) < 32 .or. iachar(shown(i:i)) == 127) shown(i:i) = '?'
+         code = iachar(shown(i:i))
+         if (code < 32 .or. code == 127) shown(i:i) = '?'
+         ! The controls from 128 to 159 have two bytes.
+         if (code >= 128 .and. code < 160 .and. index(shown(:i), char(194), .true.) == i - 1) then
+            shown(max(1, i - 1):i) = '??'
+         end if
       end do
       if (last < len(string)) shown = shown//'...'
    end function printable

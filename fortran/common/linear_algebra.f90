@@ -15,7 +15,7 @@ module linear_algebra
 
    interface
       pure subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
-         import :: wp
+         import
          !> 'N' or 'T'; see BLAS.
          character, intent(in) :: transa, transb
          !> Rows and columns of c, terms of each sum, leading dimensions.

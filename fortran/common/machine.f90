@@ -16,12 +16,12 @@ module machine
       !> Bytes that this process may still use, limited by the machine, its control group and its
       !> address space.
       real(c_double) function free_memory() bind(c, name='bayesindent_free_memory')
-         import :: c_double
+         import
       end function free_memory
       !> Let BLAS allocate its buffers for this number of `callers` at a time. The result is the
       !> number that it has buffers for. A caller without a buffer would wait for ever.
       integer(c_int32_t) function reserve_blas(callers) bind(c, name='bayesindent_reserve_blas')
-         import :: c_int32_t
+         import
          integer(c_int32_t), value :: callers
       end function reserve_blas
    end interface

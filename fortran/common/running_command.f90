@@ -30,20 +30,20 @@ module running_command
       end subroutine watch_signals
       integer(c_int) function c_take_folder(folder, prefix, milliseconds, resumes, holder) bind(c, &
          & name='bayesindent_take_folder')
-         import :: c_char, c_int
+         import
          character(kind=c_char), intent(in) :: folder(*), prefix(*)
          integer(c_int), value :: milliseconds, resumes
          integer(c_int), intent(out) :: holder
       end function c_take_folder
       subroutine c_remove_files(folder, prefix) bind(c, name='bayesindent_remove_files')
-         import :: c_char
+         import
          character(kind=c_char), intent(in) :: folder(*), prefix(*)
       end subroutine c_remove_files
       !> Release the folder and restore the handlers of signals.
       subroutine end_command() bind(c, name='bayesindent_end_command')
       end subroutine end_command
       subroutine c_print(to, line) bind(c, name='bayesindent_print')
-         import :: c_char, c_int
+         import
          integer(c_int), value :: to
          character(kind=c_char), intent(in) :: line(*)
       end subroutine c_print
@@ -55,7 +55,7 @@ module running_command
       end subroutine stop_listening
       !> Whether a signal was recorded since listening began.
       logical(c_bool) function stop_requested() bind(c, name='bayesindent_stop_requested')
-         import :: c_bool
+         import
       end function stop_requested
    end interface
 

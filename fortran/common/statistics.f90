@@ -10,14 +10,14 @@ module statistics
 
    interface
       pure subroutine c_sort_order(n, values, order) bind(c, name='bayesindent_sort_order')
-         import :: c_double, c_int
+         import
          integer(c_int), value :: n
          real(c_double), intent(in) :: values(*)
          integer(c_int), intent(out) :: order(*)
       end subroutine c_sort_order
       pure subroutine c_number_equal(coordinates, n, points, numbers) &
          & bind(c, name='bayesindent_number_equal')
-         import :: c_double, c_int
+         import
          integer(c_int), value :: coordinates, n
          real(c_double), intent(in) :: points(*)
          integer(c_int), intent(out) :: numbers(*)

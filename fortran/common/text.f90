@@ -34,7 +34,7 @@ module text
 
    interface
       pure subroutine c_write(value, form, n, text, length) bind(c, name='bayesindent_write_real')
-         import :: c_char, c_double, c_int
+         import
          real(c_double), value :: value
          integer(c_int), value :: form, n, length
          ! allow(C072)
@@ -42,7 +42,7 @@ module text
       end subroutine c_write
       pure subroutine c_read_real(text, length, value, outcome) &
          & bind(c, name='bayesindent_read_real')
-         import :: c_char, c_double, c_int
+         import
          character(kind=c_char), intent(in) :: text(*)
          integer(c_int), value :: length
          real(c_double), intent(out) :: value

@@ -25,30 +25,30 @@ module sparse_cholesky
    interface
       type(c_ptr) function c_new(n, column_start, row, group, retained, sizes, status) bind(c, &
          & name='bayesindent_cholesky_new')
-         import :: c_double, c_int32_t, c_ptr
+         import
          integer(c_int32_t), value :: n, retained
          integer(c_int32_t), intent(in) :: column_start(*), row(*), group(*)
          real(c_double), intent(out) :: sizes(3)
          integer(c_int32_t), intent(out) :: status
       end function c_new
       subroutine c_delete(analysis) bind(c, name='bayesindent_cholesky_delete')
-         import :: c_ptr
+         import
          type(c_ptr), value :: analysis
       end subroutine c_delete
       type(c_ptr) function c_acquire(analysis, free_bytes) bind(c, &
          & name='bayesindent_cholesky_acquire')
-         import :: c_double, c_ptr
+         import
          type(c_ptr), value :: analysis
          real(c_double), value :: free_bytes
       end function c_acquire
       !> Return a workspace to its analysis.
       subroutine release_factor(analysis, workspace) bind(c, name='bayesindent_cholesky_release')
-         import :: c_ptr
+         import
          type(c_ptr), value :: analysis, workspace
       end subroutine release_factor
       integer(c_int32_t) function c_factor(analysis, workspace, values, unknown) bind(c, &
          & name='bayesindent_cholesky_factor')
-         import :: c_double, c_int32_t, c_ptr
+         import
          type(c_ptr), value :: analysis, workspace
          real(c_double), intent(in) :: values(*)
          integer(c_int32_t), intent(out) :: unknown
@@ -57,13 +57,13 @@ module sparse_cholesky
       !> the diagonal.
       subroutine retained_factor(analysis, workspace, factor) &
          & bind(c, name='bayesindent_cholesky_retained_factor')
-         import :: c_double, c_ptr
+         import
          type(c_ptr), value :: analysis, workspace
          real(c_double), intent(out) :: factor(*)
       end subroutine retained_factor
       !> Overwrite the right-hand side x (unknowns) with the solution.
       subroutine solve_factored(analysis, workspace, x) bind(c, name='bayesindent_cholesky_solve')
-         import :: c_double, c_ptr
+         import
          type(c_ptr), value :: analysis, workspace
          real(c_double), intent(inout) :: x(*)
       end subroutine solve_factored

@@ -26,7 +26,7 @@ module abstract_sampler
 
    abstract interface
       subroutine draw_start_interface(self, stream, x)
-         import :: random_stream_type, target_type, wp
+         import
          class(target_type), intent(in) :: self
          type(random_stream_type), intent(inout) :: stream
          !> (dimension).
@@ -34,7 +34,7 @@ module abstract_sampler
       end subroutine draw_start_interface
       !> Several threads call it at the same time.
       pure subroutine evaluate_interface(self, points, log_density)
-         import :: target_type, wp
+         import
          class(target_type), intent(in) :: self
          !> (dimension, point).
          real(wp), intent(in) :: points(:, :)
@@ -65,7 +65,7 @@ module abstract_sampler
       !> Run one chain. Several threads call it at the same time. It may return early once
       !> `stop_requested` is true.
       subroutine run_interface(burn_in, target, stream, chain)
-         import :: chain_type, random_stream_type, target_type
+         import
          !> See `sampler_type`.
          integer, intent(in) :: burn_in
          class(target_type), intent(in) :: target

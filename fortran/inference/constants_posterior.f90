@@ -13,7 +13,7 @@ module constants_posterior
    use constants_prior, only: prior_type
    use error_models, only: error_model_type, new_error_model
    use errors, only: error_type, refuse
-   use kinds, only: degree, pi, wp
+   use kinds, only: degree, wp
    use laboratory, only: change_contrast, laboratory_type, new_laboratory
    use measured_grains, only: all_tilts, measured_type, n_tilts, spread_orientations, tilt_moments
    use nuisances, only: draw_nuisances, log_prior_of, new_nuisances, nuisance_type

@@ -26,7 +26,7 @@ program batch
    interface
       !> End the process with this status; unlike STOP it prints nothing.
       subroutine end_process(status) bind(c, name='exit')
-         import :: c_int
+         import
          integer(c_int), value :: status
       end subroutine end_process
       !> Choose the OpenBLAS kernels that fit this processor, and one thread. The program may be
@@ -34,7 +34,7 @@ program batch
       subroutine prepare_blas() bind(c, name='bayesindent_prepare_blas')
       end subroutine prepare_blas
       subroutine c_data_folder(installed, folder, size) bind(c, name='bayesindent_data_folder')
-         import :: c_char, c_int
+         import
          character(kind=c_char), intent(in) :: installed(*)
          ! allow(C072)
          character(kind=c_char), intent(out) :: folder(*)

@@ -1,7 +1,7 @@
 !> Rivals of another crystal class: those of fewer constants, and those of at most about twice as
 !> many. Classes of still lower symmetry explain hardly more than these.
 module class_rivals
-   use constants_posterior, only: new_posterior, posterior_type
+   use constants_posterior, only: new_posterior
    use constants_prior, only: new_prior, prior_type
    use crystal_class, only: crystal_class_names, crystal_class_type, new_crystal_class
    use errors, only: error_type

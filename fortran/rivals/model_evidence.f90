@@ -7,7 +7,7 @@
 !> approximation is improved by importance sampling: points are drawn along the long axes, each is
 !> moved along the short axes to the ridge, and draws about it are weighted by the density.
 module model_evidence
-   use abstract_sampler, only: outside, target_type
+   use abstract_sampler, only: target_type
    use constants_posterior, only: posterior_type
    use errors, only: error_type
    use kinds, only: pi, wp

@@ -25,7 +25,7 @@ module noise_rivals
       !> Logarithm of the density of the other distribution over that of the first, weighted by
       !> their shares.
       pure subroutine weigh_parts_interface(self, r, log_ratio)
-         import :: mixture_errors_type, wp
+         import
          class(mixture_errors_type), intent(in) :: self
          !> Residuals in units of the scale, (measurement).
          real(wp), intent(in) :: r(:)

@@ -28,7 +28,7 @@ module rivals
       !> Make the rival k of a row, k = 1, 2, .. Without an explanation there are no more; without a
       !> posterior the rival does not apply.
       subroutine make_interface(case, k, rival, error)
-         import :: case_type, error_type, rival_type
+         import
          type(case_type), intent(in) :: case
          integer, intent(in) :: k
          type(rival_type), intent(out) :: rival

@@ -72,7 +72,7 @@ module abstract_stage
 
    abstract interface
       subroutine describe(self, page, error)
-         import :: error_type, json_type, stage_type
+         import
          class(stage_type), intent(inout) :: self
          type(json_type), intent(inout) :: page
          type(error_type), allocatable, intent(out) :: error

@@ -71,14 +71,14 @@ module abstract_basis
    abstract interface
       !> Compute what follows from `domain` and `settings`.
       subroutine set_up_interface(self, error)
-         import :: basis_type, error_type
+         import
          class(basis_type), intent(inout) :: self
          type(error_type), allocatable, intent(out) :: error
       end subroutine set_up_interface
 
       !> Terms of many crystals. The last bits may differ from those of each crystal alone.
       subroutine evaluate_many_interface(self, c, euler, terms, scale, spread)
-         import :: basis_type, wp
+         import
          class(basis_type), intent(in) :: self
          !> Stiffness in crystal axes of stable crystals, GPa, (6, 6, n); Bunge-Euler angles,
          !> radians, (3, n).
@@ -90,7 +90,7 @@ module abstract_basis
       !> Make a grain model, without grains yet, of a surrogate with this posterior.
       subroutine new_grain_model_interface(self, class, coefficients, covariance, trained, model, &
          & error)
-         import :: basis_type, crystal_class_type, error_type, grain_model_type, wp
+         import
          class(basis_type), intent(in) :: self
          !> Class of the crystals that will be evaluated.
          type(crystal_class_type), intent(in) :: class
@@ -105,7 +105,7 @@ module abstract_basis
 
       !> Set the grains, in place of earlier ones.
       subroutine set_grains_interface(self, euler, error)
-         import :: error_type, grain_model_type, wp
+         import
          class(grain_model_type), intent(inout) :: self
          !> Bunge-Euler angles (3, n), radians.
          real(wp), intent(in) :: euler(:, :)
@@ -114,7 +114,7 @@ module abstract_basis
 
       !> Moduli of the grains for some crystals.
       pure subroutine evaluate_crystals_interface(self, c, modulus)
-         import :: grain_model_type, wp
+         import
          class(grain_model_type), intent(in) :: self
          !> Stiffness in crystal axes of stable crystals, GPa, (6, 6, crystal).
          real(wp), intent(in), contiguous :: c(:, :, :)
@@ -125,7 +125,7 @@ module abstract_basis
       !> U with U Uᵀ the covariance of y between the grains, without 1/beta. Rows of grains that
       !> were set at different times can be combined: the same coefficients predict them all.
       pure subroutine evaluate_columns_interface(self, c, columns)
-         import :: grain_model_type, wp
+         import
          class(grain_model_type), intent(in) :: self
          !> GPa.
          real(wp), intent(in) :: c(6, 6)

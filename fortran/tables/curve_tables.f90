@@ -50,7 +50,6 @@ contains
       integer :: i, j
 
       call read_table(path, set%tests, error)
-      if (allocated(error)) return
       call find_columns(set%tests, of_tests, 1, column, error)
       if (allocated(error)) return
       allocate (set%curves(set%tests%rows))

@@ -38,8 +38,7 @@ contains
       integer :: name, thickness, i
 
       call read_table(path, self%table, error)
-      if (.not. allocated(error)) call find_column(self%table, 'layer', name, error, .true.)
-      if (allocated(error)) return
+      call find_column(self%table, 'layer', name, error, .true.)
       call find_column(self%table, 'thickness_um', thickness, error, .true.)
       if (allocated(error)) return
       associate (table => self%table)
@@ -136,9 +135,8 @@ contains
          integer :: column
 
          value = 0.0_wp
-         if (allocated(error)) return
          call find_column(table, name, column, error, .true.)
-         if (.not. allocated(error)) call table%number(column, row, value, error)
+         if (column > 0) call table%number(column, row, value, error)
       end subroutine read_cell
    end subroutine read_stiffness
 end module layer_table

@@ -82,19 +82,14 @@ contains
       integer :: along_column, i
 
       call read_table(path, points%table, error)
-      if (allocated(error)) return
       call read_angles(points, .false., error)
-      if (allocated(error)) return
-      call read_constants(points, default_class, 0.0_wp, error)
-      if (allocated(error)) return
+      if (.not. allocated(error)) call read_constants(points, default_class, 0.0_wp, error)
       call read_column(points%table, trim(merge('modulus_gpa            ', &
          & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
          & points%modulus_gpa, error)
-      if (allocated(error)) return
       call find_column(points%table, 'propagation_deg', along_column, error, .false.)
+      call read_column(points%table, 'propagation_deg', along_column == 0, along, error)
       if (allocated(error) .or. along_column == 0) return
-      call read_column(points%table, 'propagation_deg', .false., along, error)
-      if (allocated(error)) return
       points%paths = [(path_type(surface_path, along(i)), i=1, points%n)]
    end subroutine read_crystals
 
@@ -117,12 +112,10 @@ contains
       allocate (points%stiffness(6, 6, points%n))
       do j = 1, 21
          call find_column(points%table, general%constants(j), column(j), error, .false.)
-         if (allocated(error)) return
          call read_numbers(points%table, column(j), constant_column, .true., values, error)
-         if (allocated(error)) return
          points%constants(j, :) = values
       end do
-      call read_classes()
+      if (.not. allocated(error)) call read_classes()
       if (allocated(error)) return
       do i = 1, points%n
          call take_constants(i)
@@ -269,13 +262,12 @@ contains
       points%table = table
       ! The numbers of the lines are those in the file of the laboratory, if the table has them.
       call read_column(table, 'row', table%find('row') == 0, line, error)
-      if (allocated(error)) return
       where (line >= 0.0_wp .and. line <= most_lines) points%table%line = nint(line)
       if (settings%orientations == 'unknown') then
          call set_size(points)
          points%euler_deg = 0.0_wp
          points%has_angles = .false.
-      else
+      else if (.not. allocated(error)) then
          call read_orientations(points, radians, crystal, parameters, error)
       end if
       if (allocated(error)) return
@@ -387,12 +379,12 @@ contains
       allocate (points%modulus_gpa(points%n), points%sd_gpa(points%n), source=nan)
    end subroutine set_size
 
-   !> Read the angles of each row.
+   !> Read the angles of each row. Nothing is done after an error.
    subroutine read_angles(points, radians, error)
       type(points_type), intent(inout) :: points
       !> The unit of the angles in the table.
       logical, intent(in) :: radians
-      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable, intent(inout) :: error
       ! In radians half a turn may be rounded up.
       real(wp), parameter :: rounding = 1.0e-4_wp
       type(column_type) :: known

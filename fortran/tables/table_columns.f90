@@ -75,12 +75,12 @@ module table_columns
 contains
 
    !> Find the `column` of a name, or the only one of its other names; 0 if there is none. A
-   !> constant C12 may be C_12, C21 or C_21, too.
+   !> constant C12 may be C_12, C21 or C_21, too. Nothing is done after an error.
    subroutine find_column(table, name, column, error, needed)
       type(table_type), intent(in) :: table
       character(len=*), intent(in) :: name
       integer, intent(out) :: column
-      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable, intent(inout) :: error
       !> Whether a table without the column is refused.
       logical, intent(in) :: needed
       character(len=:), allocatable :: names, others(:), word, unit
@@ -88,6 +88,7 @@ contains
       integer :: i, j
 
       column = table%find(name)
+      if (allocated(error)) return
       i = findloc(known_columns%name, name, dim=1)
       if (i > 0) known = known_columns(i)
       if (len(name) == 3 .and. name(1:1) == 'C') then
@@ -147,7 +148,8 @@ contains
       end subroutine split_name
    end subroutine find_column
 
-   !> Find the columns of several names, 0 for a name that is missing.
+   !> Find the columns of several names, 0 for a name that is missing. Nothing is done after an
+   !> error.
    subroutine find_columns(table, names, needed, columns, error)
       type(table_type), intent(in) :: table
       !> Names separated by ', '.
@@ -155,7 +157,7 @@ contains
       !> Number of the first names that must occur.
       integer, intent(in) :: needed
       integer, allocatable, intent(out) :: columns(:)
-      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable, intent(inout) :: error
       character(len=longest_name), allocatable :: each(:)
       integer :: j
 
@@ -163,7 +165,6 @@ contains
       allocate (columns(size(each)))
       do j = 1, size(each)
          call find_column(table, trim(each(j)), columns(j), error, j <= needed)
-         if (allocated(error)) return
       end do
    end subroutine find_columns
 
@@ -177,15 +178,13 @@ contains
       type(error_type), allocatable, intent(inout) :: error
       integer :: column
 
-      if (allocated(error)) return
       call find_column(table, name, column, error, .not. optional)
-      if (allocated(error)) return
       call read_numbers(table, column, known_columns(findloc(known_columns%name, name, 1)), &
          & optional, values, error)
    end subroutine read_column
 
    !> Read the `values` of a `column`. They are NaN if the column is 0, and in empty cells, if these
-   !> are allowed by `may_be_empty`.
+   !> are allowed by `may_be_empty`. Nothing is done after an error.
    subroutine read_numbers(table, column, known, may_be_empty, values, error)
       type(table_type), intent(in) :: table
       integer, intent(in) :: column
@@ -193,7 +192,7 @@ contains
       type(column_type), intent(in) :: known
       logical, intent(in) :: may_be_empty
       real(wp), allocatable, intent(out) :: values(:)
-      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable, intent(inout) :: error
       character(len=:), allocatable :: words
       integer :: i
 

@@ -35,7 +35,8 @@ module tables
 
 contains
 
-   !> Read the table of a file. Messages name the line, but not the file.
+   !> Read the table of a file, which has no columns after an error. Messages name the line, but not
+   !> the file.
    subroutine read_table(path, table, error)
       character(len=*), intent(in) :: path
       type(table_type), intent(out) :: table
@@ -44,6 +45,7 @@ contains
 
       call read_text_file(path, content, error)
       if (.not. allocated(error)) call parse_table(content, table, error)
+      if (allocated(error)) table%columns = 0
    end subroutine read_table
 
    !> The table of the text `content` of a CSV file. Each row must have as many cells as the header.
@@ -259,18 +261,19 @@ contains
       end if
    end function find
 
-   !> The finite number `value` in a cell; a refusal names line, `column` and value.
+   !> The finite number `value` in a cell; a refusal names line, `column` and value. Nothing is
+   !> done after an error.
    subroutine number(self, column, row, value, error)
       class(table_type), intent(in) :: self
       !> Counted from 1.
       integer, intent(in) :: column, row
       real(wp), intent(out) :: value
-      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable, intent(inout) :: error
       integer :: outcome
 
       call read_real(self%buffer(self%bounds(1, column, row):self%bounds(2, column, row)), &
          & value, outcome)
-      if (outcome == number_ok) return
+      if (outcome == number_ok .or. allocated(error)) return
       if (self%is_empty(column, row)) then
          call refuse(error, self%place(column, row)//'the cell is empty; a number is needed')
       else if (outcome == number_malformed) then
@@ -281,20 +284,19 @@ contains
       end if
    end subroutine number
 
-   !> The finite numbers in some columns.
+   !> The finite numbers in some columns. Nothing is done after an error.
    subroutine numbers(self, columns, values, error)
       class(table_type), intent(in) :: self
       integer, intent(in) :: columns(:)
       !> (column, row).
       real(wp), allocatable, intent(out) :: values(:, :)
-      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable, intent(inout) :: error
       integer :: i, j
 
       allocate (values(size(columns), self%rows))
       do i = 1, self%rows
          do j = 1, size(columns)
             call self%number(columns(j), i, values(j, i), error)
-            if (allocated(error)) return
          end do
       end do
    end subroutine numbers

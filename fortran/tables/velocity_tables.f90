@@ -33,7 +33,6 @@ contains
       call read_column(table, 'rayleigh_velocity_m_s', .false., points%modulus_gpa, error)
       call read_column(table, 'sd_m_s', .false., points%sd_gpa, error)
       call read_column(table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
-      if (allocated(error)) return
       call find_column(table, 'grain', points%named_by, error, .false.)
       if (allocated(error)) return
       call read_groups(points)

@@ -42,7 +42,7 @@ module layered_contact
    abstract interface
       !> Depth at a contact radius on a half-space that is isotropic, um.
       elemental real(wp) function depth_interface(self, length)
-         import :: profile_type, wp
+         import
          class(profile_type), intent(in) :: self
          !> Contact radius, um.
          real(wp), intent(in) :: length

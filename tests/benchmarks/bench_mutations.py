@@ -6,7 +6,7 @@ tests, files of an instrument, orientation maps and their points, surface waves,
 stated stiffnesses, and the surrogate that comes with the package lose, repeat or swap bytes and
 lines, or get numbers, signs and bytes that nobody means. In every other one columns, rows, groups,
 cells or datasets are gone, twice, elsewhere or of another kind instead. All in this process, but
-for some checks by both programs, whose verdicts must be the same where both read the file. Files of
+for checks by both programs of files of other structures, whose verdicts must be the same. Files of
 results are changed as a stranger may do it, and have right checksums.
 """
 
@@ -14,23 +14,28 @@ import argparse
 import csv
 import faulthandler
 import io
+import os
 import random
 import re
+import resource
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 import time
 import zipfile
 from collections import Counter
+from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
+from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import openpyxl
 import orix.io
 
 from bayesindent.core import BayesindentError
+from bayesindent.lab.reading import text_with_commas
 from bayesindent.program.cli import main as bayesindent
 from bayesindent.settings.problem import Problem, stages
 from bayesindent.stages.stage import run_stage
@@ -325,8 +330,10 @@ PIECES = [
         b"3,5",
     ),
 ]
-#: CPU seconds that reading one file may take, and a command on results.
-SLOW, HANGS_S = 5.0, 600.0 if SANITIZED else 60.0
+#: Lines beside those of a refusal.
+NOTES = re.compile("warning: |note: ")
+#: CPU seconds that reading one file may take, a check, and a command; seconds to wait for them.
+SLOW, CHECK_S, HANGS_S, WAITS_S = 5.0, 10, 600 if SANITIZED else 60, 1200
 
 
 def mutated(content: bytes, rng: random.Random) -> bytes:
@@ -420,11 +427,11 @@ def write(kind: str, content: bytes, folder: Path) -> Path:
     return path
 
 
-def keep(path: Path, case: Path) -> None:
-    """The files of a case that went wrong."""
-    case.mkdir()
-    for file in {path, path.with_suffix(".nml")}:
-        shutil.copy(file, case)
+def keep(folder: Path, case: str) -> None:
+    """Copy the files of a case that went wrong."""
+    (folder / case).mkdir()
+    for file in folder.glob("changed.*"):
+        shutil.copy(file, folder / case)
 
 
 def try_in_process(tries: int, seed: int, folder: Path) -> tuple[Counter, list[str]]:
@@ -447,36 +454,98 @@ def try_in_process(tries: int, seed: int, folder: Path) -> tuple[Counter, list[s
             outcome = f"{type(error).__name__}: {error}"
         counted[kind, outcome if outcome in ("read", "refused") else "wrong"] += 1
         if outcome not in ("read", "refused"):
-            keep(path, folder / f"case_{number}")
+            keep(folder, f"case_{number}")
             failures.append(f"case_{number}, {kind}: {outcome}")
     return counted, failures
 
 
-def try_programs(tries: int, seed: int, folder: Path) -> list[str]:
-    """Whether a check by a program ends in time with status 0 or 2 and, if it refuses, one line; by
-    both alike where both read the file.
+def in_workers(attempt: Callable, tries: int, seed: int, folder: Path) -> tuple[Counter, list[str]]:
+    """Count the outcomes of attempts, and list what is neither 'read' nor 'refused'. Processes of a
+    hundred attempts make them: reports leave much memory, and a process may end or hang in one.
     """
-    rng, failures = random.Random(seed), []
-    prepare(folder)
-    for number in range(tries):
-        kind = rng.choice(["namelist"] * len(SEEDS) + list(SEEDS))
-        path = write(kind, changed(kind, rng), folder).with_suffix(".nml")
-        programs = [
-            [sys.executable, "-m", "bayesindent", "run", "--check"],
-            *([[str(BATCH), "--check"]] if kind in OF_BOTH else []),
-        ]
-        outcomes = [outcome_of([*program, path], folder) for program in programs]
-        if (
-            any(outcome != outcomes[0] for outcome in outcomes)
-            or outcomes[0][0] not in (0, 2)
-            or len(outcomes[0][1]) > 1
-        ):
-            keep(
-                write(kind, (folder / f"changed{SEEDS[kind][0]}").read_bytes(), folder),
-                folder / f"both_{number}",
-            )
-            failures.append(f"both_{number}, {kind}: {outcomes}")
-    return failures
+    counted, failures, done = Counter(), [], 0
+    name = attempt.__name__
+    while done < tries:
+        numbers = range(done, min(tries, done + 100))
+        ours, theirs = get_context("spawn").Pipe(duplex=False)
+        worker = get_context("spawn").Process(
+            target=work, args=(attempt, numbers, seed, folder, theirs)
+        )
+        worker.start()
+        theirs.close()
+        for done in numbers:
+            try:
+                if not ours.poll(WAITS_S):
+                    worker.kill()
+                kind, outcome = ours.recv()
+            except EOFError:
+                worker.join()
+                kind, outcome = "process", f"ended with {worker.exitcode}"
+            if outcome not in ("read", "refused"):
+                keep(folder, f"{name}_{done}")
+                failures.append(f"{name}_{done}, {kind}: {outcome}")
+                outcome = "wrong"
+            counted[kind, outcome] += 1
+            if kind == "process":
+                break
+        done += 1
+        worker.join()
+    return counted, failures
+
+
+def work(attempt: Callable, numbers: range, seed: int, folder: Path, pipe: Connection) -> None:
+    """Send the outcomes of these attempts; one that hangs ends the process."""
+    faulthandler.register(signal.SIGPROF, chain=True)
+    with few_figures():
+        for number in numbers:
+            signal.setitimer(signal.ITIMER_PROF, HANGS_S)
+            pipe.send(attempt(random.Random(f"{seed} {number}"), folder))
+
+
+def check_by_both(rng: random.Random, folder: Path) -> tuple[str, str]:
+    """The kind of a file of another structure, and whether both programs read it, or refuse it in
+    the same line that names the namelist, and leave no unfinished file.
+    """
+    kind = rng.choice(["namelist"] * len(OF_BOTH) + list(OF_BOTH))
+    ending, files, _ = SEEDS[kind]
+    path = write(kind, restructured(rng.choice(files), ending, rng), folder).with_suffix(".nml")
+    words, before = ["--check", str(path)], {*folder.iterdir()}
+    signal.setitimer(signal.ITIMER_PROF, CHECK_S)
+    runs = [quietly(["run", *words])]
+    # The batch program reads no semicolons.
+    if text_with_commas(folder / f"changed{ending}") is None:
+        runs.append(by_batch(words, folder))
+    outcomes = [
+        (status, [line for line in lines if status and not NOTES.match(line)])
+        for status, lines in runs
+    ]
+    status, lines = outcomes[0]
+    left = {*folder.iterdir()} - before
+    if outcomes[0] == outcomes[-1] and not left:
+        if status == 0:
+            return kind, "read"
+        if status == 2 and len(lines) == 1 and lines[0].startswith(str(path)):
+            return kind, "refused"
+    return kind, f"{outcomes}, left {left}"
+
+
+def by_batch(words: list[str], folder: Path) -> tuple[int, list[str]]:
+    """The status of the batch program, and the lines of a refusal."""
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_CPU, (CHECK_S, CHECK_S))
+
+    done = subprocess.run(
+        [BATCH, *words],
+        cwd=folder,
+        capture_output=True,
+        stdin=subprocess.DEVNULL,
+        preexec_fn=limit,
+        # A build with sanitizers reports what the program keeps until it ends.
+        env=os.environ | {"ASAN_OPTIONS": "detect_leaks=0"},
+        check=False,
+    )
+    return done.returncode, done.stderr.decode(errors="replace").split("\n")[:-1]
 
 
 #: Results of every kind.
@@ -508,15 +577,15 @@ STORED = {
 }
 
 
-def make_results(folder: Path) -> dict[str, bytes]:
-    """The files of a run with every stage, by name."""
+def make_results(folder: Path) -> None:
+    """Write the files of a run with every stage into a folder 'whole'."""
     header, cubic = "symmetry,C11,C12,C44,phi1_deg,Phi_deg,phi2_deg", "cubic,200,120,100"
     (folder / "points.csv").write_bytes(text(header, f"{cubic},0,0,0", f"{cubic},0,45,10"))
     curves = STEP_0.format("file = 'curves.csv', tests = 'tests.csv'").replace(" / ", " /\n")
     (folder / "results.nml").write_text(f"{RESULTS}{curves}\n")
-    status, lines = quietly(["run", str(folder / "results.nml"), "--output", str(folder / "out")])
+    words = ["run", str(folder / "results.nml"), "--output", str(folder / "whole")]
+    status, lines = quietly(words)
     assert status in (0, 3), lines
-    return {path.name: path.read_bytes() for path in (folder / "out").iterdir()}
 
 
 def quietly(words: list[str]) -> tuple[int | None, list[str]]:
@@ -524,14 +593,21 @@ def quietly(words: list[str]) -> tuple[int | None, list[str]]:
     printed = io.TextIOWrapper(io.BytesIO())
     with redirect_stdout(printed), redirect_stderr(io.StringIO()) as said:
         status = bayesindent(words)
-    return status, said.getvalue().splitlines()
+    return status, said.getvalue().split("\n")[:-1]
 
 
-def read_changed(folder: Path, file: str, command: str) -> str:
-    """'read' or 'refused' by a command that reads a changed file of results; what else happens is
-    reported.
+def read_changed(rng: random.Random, folder: Path) -> tuple[str, str]:
+    """The name of a file of results that is changed and has a right checksum, and whether a command
+    that reads it reads or refuses it; what else happens is reported.
     """
-    namelist, out = folder / "results.nml", folder / "out"
+    file = rng.choices(list(STORED), [weight for weight, _ in STORED.values()])[0]
+    command = rng.choice(STORED[file][1])
+    namelist, out, changed = folder / "results.nml", folder / "out", folder / "changed"
+    shutil.rmtree(out, ignore_errors=True)
+    shutil.copytree(folder / "whole", out)
+    change(out / file, (out / file).read_bytes(), rng)
+    # A process that hangs or ends leaves the file.
+    shutil.copy(out / file, changed.with_suffix(Path(file).suffix))
     words = {
         "report": ["report", out],
         "compare": ["compare", folder / "whole", out, "--output", folder / "compared"],
@@ -542,46 +618,24 @@ def read_changed(folder: Path, file: str, command: str) -> str:
     }.get(command, [command, namelist, "--output", out])
     status, lines = quietly([*map(str, words), "--quiet"])
     if status in (0, 3):
-        return "read"
+        return file, "read"
     named = any(str(name) in lines[-1] for name in (out, namelist)) if lines else False
-    return "refused" if status == 2 and named else f"status {status}: {lines[-1:]}"
+    is_refused = status == 2 and named
+    return file, "refused" if is_refused else f"{command}: status {status}: {lines[-1:]}"
+
+
+def try_programs(tries: int, seed: int, folder: Path) -> tuple[Counter, list[str]]:
+    """Attempts of `check_by_both`."""
+    prepare(folder)
+    return in_workers(check_by_both, tries, seed, folder)
 
 
 def try_results(tries: int, seed: int, folder: Path) -> tuple[Counter, list[str]]:
-    """Like `try_in_process` of files of results that are changed and have right checksums."""
-    rng, counted, failures = random.Random(seed), Counter(), []
+    """Attempts of `read_changed`."""
     prepare(folder)
-    faulthandler.register(signal.SIGPROF, chain=True)
     with few_figures():
-        files = make_results(folder)
-        shutil.copytree(folder / "out", folder / "whole")
-        weights = [weight for weight, _ in STORED.values()]
-        for number in range(tries):
-            file = rng.choices(list(STORED), weights)[0]
-            command = rng.choice(STORED[file][1])
-            for name, content in files.items():
-                (folder / "out" / name).write_bytes(content)
-            change(folder / "out" / file, files[file], rng)
-            changed = (folder / "out" / file).read_bytes()
-            # A process that hangs or ends leaves the file.
-            signal.setitimer(signal.ITIMER_PROF, HANGS_S)
-            outcome = read_changed(folder, file, command)
-            signal.setitimer(signal.ITIMER_PROF, 0)
-            counted[file, outcome if outcome in ("read", "refused") else "wrong"] += 1
-            if outcome not in ("read", "refused"):
-                (folder / f"result_{number}{Path(file).suffix}").write_bytes(changed)
-                failures.append(f"result_{number}, {file}, {command}: {outcome}")
-    return counted, failures
-
-
-def outcome_of(words: list, folder: Path) -> tuple[int | str, list[str]]:
-    """The status of a program, and the lines of its refusal but for warnings and notes."""
-    try:
-        done = subprocess.run(words, cwd=folder, capture_output=True, timeout=HANGS_S, check=False)
-    except subprocess.TimeoutExpired:
-        return "hangs", []
-    lines = done.stderr.decode(errors="replace").splitlines() if done.returncode else []
-    return done.returncode, [line for line in lines if not line.startswith(("warning: ", "note: "))]
+        make_results(folder)
+    return in_workers(read_changed, tries, seed, folder)
 
 
 def main(argv=None) -> int:
@@ -593,7 +647,7 @@ def main(argv=None) -> int:
     )
     parser.add_argument("--tries", type=int, default=2000, help="files in this process (2000)")
     parser.add_argument(
-        "--programs", type=int, default=100, help="files that both programs check (100)"
+        "--programs", type=int, default=1000, help="files that both programs check (1000)"
     )
     parser.add_argument(
         "--results", type=int, default=2000, help="files of results with right checksums (2000)"
@@ -601,19 +655,21 @@ def main(argv=None) -> int:
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args(argv)
     folder = Path(tempfile.mkdtemp(prefix="mutations_"))
-    counted, failures = try_in_process(arguments.tries, arguments.seed, folder)
-    (folder / "results").mkdir()
-    changed, wrong = try_results(arguments.results, arguments.seed, folder / "results")
+    failures = []
     print("| file | read | refused | anything else |\n|---|---|---|---|")
-    for kind in [*SEEDS, *STORED]:
-        numbers = [(counted | changed)[kind, outcome] for outcome in ("read", "refused", "wrong")]
-        print("|", " | ".join(map(str, [kind, *numbers])), "|")
-    differences = try_programs(arguments.programs, arguments.seed, folder)
-    print(
-        f"checked by the programs: {arguments.programs} files, {len(differences)} judged "
-        "differently or not in one line"
-    )
-    failures += wrong + differences
+    for tries, count in (
+        (try_in_process, arguments.tries),
+        (try_programs, arguments.programs),
+        (try_results, arguments.results),
+    ):
+        if not count:
+            continue
+        (own := folder / tries.__name__).mkdir()
+        counted, found = tries(count, arguments.seed, own)
+        for kind in dict.fromkeys(kind for kind, _ in counted):
+            numbers = [counted[kind, outcome] for outcome in ("read", "refused", "wrong")]
+            print("|", " | ".join(map(str, [kind, *numbers])), "|", flush=True)
+        failures += [f"{tries.__name__}: {failure}" for failure in found]
     print(*failures, sep="\n")
     if failures:
         print(f"the files are in {folder}")

@@ -128,3 +128,16 @@ def test_a_forked_process_works_alone():
 def test_arrays_that_are_none(call, words):
     with pytest.raises(bi.InputError, match=words):
         call()
+
+
+def test_a_table_does_not_control_the_terminal(bayesindent, batch, tmp_path):
+    head = "phi1_deg,Phi_deg,phi2_deg"
+    (tmp_path / "a.csv").write_text(
+        f"{head},Er,sd,\x1b]0;a\x07\u009bm\n1,2,3,180,2,a\n4,50,6,181,2,b\n"
+    )
+    (tmp_path / "b.csv").write_text(f"{head},C11,C12,C44\n1,2,3,168,121,\x1b\u009bm\n")
+    (tmp_path / "b.nml").write_text("&problem symmetry = 'cubic' /\n&crystals points = 'b.csv' /\n")
+    runs = [bayesindent("table", "a.csv"), bayesindent("theory", "b.nml"), batch("b.nml")]
+    for run, shown in zip(runs, ("?]0;a??m", "'???m' is not", "'???m' is not")):
+        assert shown in run.stdout + run.stderr
+        assert not {*"\x1b\x07\x9b"} & {*(run.stdout + run.stderr)}

@@ -14,12 +14,16 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[2]
+UNITS = ROOT / "tests" / "fortran"
+#: What is built for all other tests.
+EVERYTHING = ("--ninja-args=all,meson-test-prereq",)
 #: Options of a build that checks addresses, undefined behaviour and bounds.
 SANITIZERS = (
     "-Db_sanitize=address,undefined",
     "-Db_lundef=false",
     "-Db_ndebug=false",
-    "-Dbuildtype=debugoptimized",
+    "-Ddebug=true",
+    "-Doptimization=1",
     "-Dfortran_args=-fcheck=all,no-array-temps",
 )
 
@@ -62,9 +66,10 @@ def main(argv=None) -> int:
     build = ROOT / ("build-sanitize" if arguments.sanitize else "build")
     if arguments.sanitize and not (build / "build.ninja").exists():
         meson("setup", "--reconfigure", ROOT, build, *SANITIZERS)
-    if meson(
-        "compile", "-C", build, "--ninja-args=all,meson-test-prereq", stdout=sys.stderr
-    ).returncode:
+    # Programs of unit tests alone need no others.
+    units = [f"test_{name}" for name in names if (UNITS / f"test_{name}.f90").exists()]
+    targets = [*units, "bayesindent-batch"] if len(units) == len(names) else EVERYTHING
+    if meson("compile", "-C", build, *targets, stdout=sys.stderr).returncode:
         return 1
     return run_tests(build, names)
 

@@ -27,6 +27,8 @@ CELL = re.compile(
     rf"^\(?({NUMBER})\s*(?:GPa)?\s*(?:(?:±|\+/-|\+-)\s*({NUMBER})\)?)?\s*"
     r"(°|deg|GPa|nm|um|µm|μm|mN|s|%)?$"
 )
+#: Signs that control a terminal.
+CONTROLS = re.compile(r"[\x00-\x08\x0e-\x1f\x7f-\x9f]")
 #: Signs that programs write in place of the usual ones, and invisible signs.
 SIGNS = str.maketrans({"−": "-", "–": "-", "º": "°", "\u200b": None, "\ufeff": None})
 
@@ -76,7 +78,7 @@ def tidy(value: Any, decimal_commas: bool) -> str:
 
 def usual(text: str) -> str:
     """The text with the usual signs in place of narrow blanks, other minus signs, and raised or
-    lowered letters.
+    lowered letters, and ? in place of those that control a terminal.
     """
     # Each sign is normalised alone, so that a letter with a combining accent stays two signs.
     own: dict[int, str | None] = {
@@ -84,7 +86,7 @@ def usual(text: str) -> str:
         for sign in set(text)
         if not sign.isascii()
     }
-    return text.translate(own | SIGNS)
+    return CONTROLS.sub("?", text.translate(own | SIGNS))
 
 
 def tabbed(text: str) -> str:

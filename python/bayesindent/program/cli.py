@@ -291,8 +291,8 @@ def finish(arguments: argparse.Namespace, document: dict) -> int:
 
 
 def tell(text: str) -> None:
-    """Print a line on standard error."""
-    print(text, file=sys.stderr, flush=True)
+    """Print a line on standard error. Texts of files do not control the terminal."""
+    print(re.sub(r"[\x00-\x1f\x7f-\x9f]", "?", text), file=sys.stderr, flush=True)
 
 
 def open_logs() -> list[logging.Handler]:
