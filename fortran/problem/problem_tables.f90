@@ -242,6 +242,7 @@ contains
       end if
       problem%data%shared_file = folder//'shared_errors.csv'
       call read_text_file(folder//'measurements.csv', content, error)
+      call prefix_error(error, folder//'measurements.csv, which the command curves writes: ')
       call locate_table(problem, error)
       if (.not. allocated(error)) call take_measurements(problem, content, error)
    end subroutine take_curve_results

@@ -171,6 +171,8 @@ contains
       asked = all_stages%name == command
       if (command == 'run') then
          asked = [(find_entry(namelist, all_stages(i)%trigger, '') > 0, i=1, size(all_stages))]
+         ! The next grains follow from the constants.
+         if (find_entry(namelist, 'next', '') > 0) asked = asked .or. all_stages%name == 'extract'
       end if
       names = pack(all_stages%name, asked)
       if (size(names) == 0 .and. command /= 'run') then

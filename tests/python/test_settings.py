@@ -229,6 +229,16 @@ def test_stages_are_one_table():
     assert all(set(stage.groups) <= known for stage in stages())
 
 
+def test_the_next_grains_follow_from_the_constants(tmp_path):
+    data = SOURCE / "inputs" / "data"
+    (tmp_path / "a.nml").write_text(
+        f"&problem symmetry = 'cubic' /\n&curves file = '{data}/copper_curves.csv'\n"
+        f"tests = '{data}/copper_tests.csv', radius_um = 5 /\n&next count = 1 /\n"
+        "&references name = 'quartz', young_gpa = 72, young_sd_gpa = 0.5, nu = 0.17 /\n"
+    )
+    assert bi.Problem(tmp_path / "a.nml").stages == ["curves", "extract", "next"]
+
+
 def test_the_variables_are_those_of_the_page():
     sections = (SOURCE / "docs" / "namelists.md").read_text().split("\n## `&")[1:]
     rows = []

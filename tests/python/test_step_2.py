@@ -168,7 +168,10 @@ def test_orientations_are_judged():
     assert first["numbers"] == {"directions": 2, "needed": 3, "constants": 5}
     assert warnings_of("hexagonal", [*two, [0.0, 50.0, 0.0]]) == []
     radians = warnings_of("cubic", [[0.1, 0.2, 0.3], [1.0, 2.0, 3.0]])
+    # It comes before advice on constants that are not determined.
     assert "angles_like_radians" in codes(radians)
+    worst = next(found for found in radians if found["code"] == "angles_like_radians")
+    assert worst["consequence"] == "undetermined" and "angles = 'radians'" in worst["remedy"]
 
 
 def test_refusals():

@@ -15,12 +15,10 @@ ENGINES: dict[str, Callable[..., AbstractContextManager]] = {
     "local": lambda workers, *_, **__: nullcontext(LocalEngine(workers)),
     "dask": DaskEngine,
 }
-#: Variables of &execution that say what a job takes.
-OF_JOB = ("cores", "memory", "walltime")
 
 
 def engine_of(execution: Any) -> AbstractContextManager:
     """The engine of the settings of &execution."""
-    stated = {name: getattr(execution, name) for name in OF_JOB}
+    stated = {"cores": execution.cores, "memory": execution.memory, "walltime": execution.walltime}
     job = {name: value for name, value in stated.items() if value}
     return ENGINES[execution.engine](execution.workers, execution.scheduler, **job)
