@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
+from warnings import catch_warnings, simplefilter
 
 import numpy as np
 import pandas as pd
@@ -308,7 +309,10 @@ class Grid:
         aligned = aligned[off <= 3 * np.median(off)]
         mean = aligned.mean()
         tilt = np.arccos(np.clip(aligned.apply(NORMAL) @ mean.apply(NORMAL), -1, 1))
-        euler = mean.inv().as_euler("ZXZ", degrees=True, suppress_warnings=True) % 360
+        with catch_warnings():
+            # Where Phi is 0, only the sum of the other angles is known.
+            simplefilter("ignore")
+            euler = mean.inv().as_euler("ZXZ", degrees=True) % 360
         return [*euler.tolist(), float(np.degrees(np.sqrt(np.mean(tilt**2) / 2)))]
 
     def distance_to_boundary(self, position: np.ndarray, grain: int, near: np.ndarray) -> float:
