@@ -126,13 +126,13 @@ contains
       !> (parameter, point), (point).
       real(wp), intent(out) :: points(:, :), density(:)
       integer, intent(out) :: n_found
-      !> For each point that is asked for.
-      integer, parameter :: most_tries = 20000
+      !> For each point that is found, after the tries for so many.
+      integer, parameter :: most_tries = 20000, some = 100
       integer :: n_tried, i
 
       n_found = 0
       n_tried = 0
-      do while (n_found < size(density) .and. n_tried < most_tries*size(density) &
+      do while (n_found < size(density) .and. n_tried < most_tries*(some + n_found) &
          & .and. .not. stop_requested())
          n_tried = n_tried + size(density) - n_found
          do i = n_found + 1, size(density)

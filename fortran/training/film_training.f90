@@ -8,7 +8,7 @@ module film_training
    use abstract_basis, only: basis_type
    use bases, only: new_basis
    use constants_posterior, only: posterior_type
-   use crystal_elasticity, only: isotropic_stiffness, logarithmic_mean
+   use crystal_elasticity, only: isotropic_stiffness, log_anisotropy, logarithmic_mean
    use detected_speeds, only: draw_aside
    use errors, only: error_type
    use evidence_regression, only: add_data
@@ -22,6 +22,7 @@ module film_training
    use progress, only: advance_progress, begin_progress, end_progress
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
+   use statistics, only: sort_order
    use surrogate_domain, only: complete_domain, domain_type, spread_crystals
    use surrogate_learner, only: fit_learner, learner_type, new_learner, surrogate_of
    use surrogate_model, only: predict_crystals, simulations_type, surrogate_type
@@ -36,9 +37,13 @@ module film_training
       & most_rounds = 4
    !> Chains of the posterior of a round.
    type(run_type), parameter :: pilot = run_type(1500, 500, 2, 7000001)
-   !> Noise of values over the domain, relative to that of draws. These values keep the correction
-   !> from going astray far from the posterior, and do not limit its accuracy there.
-   real(wp), parameter :: coarse_noise = 30.0_wp
+   !> Noise of values over the domain, and of those at draws of a correction that was wrong there,
+   !> relative to that of other draws. These values keep the correction from going astray far from
+   !> the posterior.
+   real(wp), parameter :: coarse_noise = 20.0_wp
+   !> Share of the draws whose crystals are used, the least anisotropic ones: a correction that
+   !> holds at the end of long tails is less accurate elsewhere.
+   real(wp), parameter :: used = 0.95_wp
    !> Greatest share of the correction in the variance of each constant.
    real(wp), parameter :: accurate_share = 0.01_wp
    !> Greatest share of crystals of a round that theory cannot indent.
@@ -183,9 +188,9 @@ contains
       !> Root mean square of (exact - predicted)/sd.
       real(wp), intent(out) :: z
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: euler_deg(3, n_drawn)
+      real(wp) :: euler_deg(3, n_drawn), anisotropy(size(draws, 2))
       real(wp), allocatable, dimension(:) :: modulus, sd
-      integer :: before, i
+      integer :: order(size(draws, 2)), before, i
 
       euler_deg = directions(self%problem%settings%problem%seed, round, n_drawn)
       do i = 1, n_drawn, 2
@@ -195,8 +200,13 @@ contains
          end associate
       end do
       before = size(self%known%modulus)
-      call add_values(self, draws(:posterior%n_constants, &
-         & [(1 + (i - 1)*size(draws, 2)/n_drawn, i=1, n_drawn)]), euler_deg, 1.0_wp, error)
+      associate (constants => draws(:posterior%n_constants, :))
+         anisotropy = [(log_anisotropy(self%problem%class%stiffness(constants(:, i))), &
+            & i=1, size(anisotropy))]
+         call sort_order(anisotropy, order)
+         call add_values(self, constants(:, order([(1 + int((i - 1)*used*size(order)/n_drawn), &
+            & i=1, n_drawn)])), euler_deg, 1.0_wp, error)
+      end associate
       if (allocated(error)) return
       associate (crystals => self%problem%class%stiffnesses(self%known%constants(:, before + 1:)), &
          & exact => self%known%modulus(before + 1:))
@@ -206,6 +216,7 @@ contains
             & error)
          if (allocated(error)) return
          z = norm2((exact - modulus)/sd)/sqrt(real(size(exact), wp))
+         if (z > accurate_z) self%noise(:before) = coarse_noise
          call extend(self%domain, crystals)
       end associate
    end subroutine add_draws

@@ -361,8 +361,9 @@ def test_the_constants_of_a_film(tmp_path, capsys):
         (580, 242, 256),
         (129.1, 109.7, 82.4),
         (161.1, 34.2, 38.3, 61.1, 50.3),
+        (1060, 180, 4.5, 36.5, 15),
     ],
-    ids=["iridium", "beta-brass", "zinc"],
+    ids=["iridium", "beta-brass", "zinc", "graphite"],
 )
 def test_no_limit_truncates_a_film(tmp_path, capsys, truth):
     """Stiff, strongly anisotropic and nearly unstable crystals beside lead, see above."""
