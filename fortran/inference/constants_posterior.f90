@@ -91,7 +91,8 @@ module constants_posterior
 contains
 
    !> Set up the posterior of the constants given measurements.
-   subroutine new_posterior(surrogate, prior, settings, with_covariance, measured, posterior, error)
+   subroutine new_posterior(surrogate, prior, settings, with_covariance, measured, posterior, &
+      & error, known)
       type(surrogate_type), intent(in) :: surrogate
       type(prior_type), intent(in) :: prior
       type(measurements_settings_type), intent(in) :: settings
@@ -100,6 +101,9 @@ contains
       type(measured_type), intent(in) :: measured
       type(posterior_type), intent(out) :: posterior
       type(error_type), allocatable, intent(out) :: error
+      !> A posterior of this surrogate and class, with or without covariance as here, whose model of
+      !> grains is used again.
+      type(posterior_type), intent(in), optional :: known
       !> A variance of y that is this small counts as zero.
       real(wp), parameter :: negligible = 1.0e-20_wp
       !> Work arrays of this length fit on the stack of a thread.
@@ -147,11 +151,7 @@ contains
          posterior%euler = reshape([posterior%euler, directions], [3, n_rows + size(directions, 2)])
          paths = [paths, spread(path_type(), 1, size(directions, 2))]
       end if
-      call new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, &
-         & posterior%grains, error)
-      if (.not. allocated(error) .and. posterior%n_moduli < posterior%n_grains) then
-         call add_waves(paths, measured%density, posterior%euler, posterior%grains, error)
-      end if
+      call set_model()
       if (allocated(error)) return
       if (with_covariance .and. negligible*surrogate%beta <= 1.0_wp) then
          posterior%scatter = 1.0_wp/surrogate%beta
@@ -176,6 +176,27 @@ contains
             & measured%sd, posterior%observable)
          call posterior%unknown%set_nodes(posterior%relative, error)
       end if
+
+   contains
+
+      !> Set the model of the grains.
+      subroutine set_model()
+         if (.not. present(known)) then
+            call new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, &
+               & posterior%grains, error)
+            if (.not. allocated(error) .and. posterior%n_moduli < posterior%n_grains) then
+               call add_waves(paths, measured%density, posterior%euler, posterior%grains, error)
+            end if
+            return
+         end if
+         if (known%n_grains == posterior%n_grains &
+            & .and. size(known%euler) == size(posterior%euler)) then
+            if (all(abs(known%euler - posterior%euler) <= 0.0_wp)) posterior%grains = known%grains
+         end if
+         if (.not. allocated(posterior%grains)) then
+            call known%new_grains(posterior%euler, paths, posterior%grains, error)
+         end if
+      end subroutine set_model
    end subroutine new_posterior
 
    !> Change the degree of the surface harmonics from which the theory is read.

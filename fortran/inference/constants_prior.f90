@@ -72,7 +72,7 @@ module constants_prior
       !> The surrogate's domain of validity.
       type(domain_type), allocatable :: domain
    contains
-      procedure :: admits, deviations, log_density, log_mass, measure, draw_start, is_drawn, &
+      procedure :: admits, deviations, log_density, log_mass, draw_start, is_drawn, &
          & has_bound, is_cut, without_limits, set_knowledge
    end type prior_type
 
@@ -119,15 +119,6 @@ contains
       if (allocated(error)) return
       call estimate_share(domain, prior, error)
    end subroutine new_prior
-
-   !> 'default', or 'constants', in which the prior is uniform.
-   pure function measure(self)
-      class(prior_type), intent(in) :: self
-      character(len=:), allocatable :: measure
-
-      measure = 'constants'
-      if (self%has_default) measure = 'default'
-   end function measure
 
    !> Set the normal factor of what is known.
    subroutine set_knowledge(self, knowledge, error)
@@ -354,8 +345,8 @@ contains
       if (self%domain%is_limited()) admits = self%domain%admits(c)
    end function admits
 
-   !> Logarithm of the density at a crystal of the support, up to a constant, in the coordinates
-   !> that `measure` names.
+   !> Logarithm of the density at a crystal of the support, up to a constant: of the default prior
+   !> in the coordinates of log K, of others in the constants.
    pure real(wp) function log_density(self, c, w)
       class(prior_type), intent(in) :: self
       !> Stiffness in crystal axes, GPa.

@@ -18,7 +18,7 @@ module ensemble_evolution
    use statistics, only: sort_order
    implicit none
    private
-   public :: population_type, evolve_population, next_inverse
+   public :: population_type, evolve_population, many_dimensions, next_inverse
 
    !> Points that walkers visited. Their whitened coordinates are set when the evolution ends.
    type, extends(points_type) :: population_type

@@ -9,7 +9,7 @@
 !> the burn-in. One sample takes two steps, or more where the mixture fits badly.
 module ensemble_sampler
    use abstract_sampler, only: chain_type, target_type
-   use ensemble_evolution, only: evolve_population, population_type
+   use ensemble_evolution, only: evolve_population, many_dimensions, population_type
    use gaussian_mixture, only: log_mixture
    use moves, only: is_accepted, mixture_move_type, new_points, points_type
    use progress, only: advance_progress
@@ -44,16 +44,27 @@ contains
       type(random_stream_type), intent(inout) :: stream
       !> Its acceptance is the share of accepted draws of the mixture.
       type(chain_type), intent(inout) :: chain
+      !> The short burn-in is divided by this number; and the effective share of the draws of a
+      !> mixture that fits well.
+      integer, parameter :: short_divisor = 3
+      real(wp), parameter :: good_quality = 0.5_wp
       type(kernel_type) :: kernel
-      integer :: i
+      integer :: sweeps, i
 
-      call evolve_population(target, int(burn_in, i8)*target%dimension, stream, &
-         & kernel%population)
-      chain%started = size(kernel%population%log_density) > 0
-      if (.not. chain%started .or. stop_requested()) return
-      call kernel%mixture%setup(target, kernel%population, kernel%population%whitening, &
-         & size(chain%log_density), stream)
-      if (stop_requested()) return
+      ! A short burn-in is enough for most posteriors of few parameters. The whole one follows if
+      ! its mixture fits badly.
+      sweeps = burn_in
+      if (target%dimension < many_dimensions) sweeps = burn_in/short_divisor
+      do
+         call evolve_population(target, int(sweeps, i8)*target%dimension, stream, kernel%population)
+         chain%started = size(kernel%population%log_density) > 0
+         if (.not. chain%started .or. stop_requested()) return
+         call kernel%mixture%setup(target, kernel%population, kernel%population%whitening, &
+            & size(chain%log_density), stream)
+         if (stop_requested()) return
+         if (kernel%mixture%quality >= good_quality .or. sweeps == burn_in) exit
+         sweeps = burn_in
+      end do
       ! Steps along differences reach tails that the mixture misses. Where it fits badly, more of
       ! the steps are of this kind.
       associate (quality => kernel%mixture%quality)

@@ -43,7 +43,7 @@ module samplers
 
    type :: run_settings_type
       !> Number of samples of each chain after the burn-in.
-      integer :: samples = 10000
+      integer :: samples = 2500
       integer :: chains = 4, threads = 1, seed = 0, first_stream = 1
    end type run_settings_type
 

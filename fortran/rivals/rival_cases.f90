@@ -100,16 +100,11 @@ contains
       type(posterior_type), intent(inout) :: posterior
       type(error_type), allocatable, intent(out) :: error
       type(posterior_type) :: new
-      integer :: degree
 
-      degree = case%stated%grains%field_degree
       call new_posterior(case%surrogate, case%stated%prior, settings, &
-         & case%problem%settings%sampler%surrogate_variance == 'full', measured, new, error)
-      if (allocated(error)) return
-      if (new%grains%has_theory .and. new%grains%field_degree /= degree) then
-         call new%set_field_degree(degree, error)
-      end if
-      posterior = new
+         & case%problem%settings%sampler%surrogate_variance == 'full', measured, new, error, &
+         & case%stated)
+      if (.not. allocated(error)) posterior = new
    end subroutine make_posterior
 
 end module rival_cases
