@@ -365,13 +365,11 @@ contains
       allocate (lines(0))
       associate (posterior => found%posterior, prior => found%posterior%prior)
          line = ''
-         if (allocated(posterior%unknown)) then
-            line = ' of unknown orientation: their distribution determines the constants'
-         end if
+         if (allocated(posterior%unknown)) line = ' of unknown orientation'
          if (posterior%n_moduli > 0) then
             call add_line(lines, 'measured: '//posterior%observable%name//' of ' &
-               & //to_text(posterior%n_moduli)//' grains, technique ' &
-               & //posterior%settings%technique//line)
+               & //to_text(posterior%n_moduli)//' grains'//line//', technique ' &
+               & //posterior%settings%technique)
          end if
          if (posterior%n_moduli < posterior%n_grains) then
             call add_line(lines, 'measured: speeds of waves in ' &
