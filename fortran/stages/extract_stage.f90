@@ -1,8 +1,6 @@
 !> `extract`: Step 2, infer the constants from the measurements.
 module extract_stage
-   use abstract_stage, only: stage_type
    use errors, only: error_type
-   use analysis, only: analysis_type
    use analysis_document, only: describe_prior, save_posterior, write_analysis
    use files, only: new_file_type
    use json, only: json_type
@@ -10,7 +8,7 @@ module extract_stage
    use samplers, only: chain_prefix
    use running_command, only: remove_files
    use stage_documents, only: end_document, inputs_of
-   use surrogate_loading, only: load_analysis
+   use surrogate_loading, only: analysis_stage_type
    use text, only: join, newline, number_text, to_text
    implicit none
    private
@@ -18,21 +16,12 @@ module extract_stage
 
    character(len=*), parameter :: draws_name = 'posterior.csv'
 
-   type, extends(stage_type) :: extract_stage_type
-      type(analysis_type) :: analysis
+   type, extends(analysis_stage_type) :: extract_stage_type
    contains
-      procedure :: begin, finish
+      procedure :: finish
    end type extract_stage_type
 
 contains
-
-   !> Load the surrogate, and check the posterior.
-   subroutine begin(self, error)
-      class(extract_stage_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-
-      call load_analysis(self%problem, self%places, .false., self%analysis, error)
-   end subroutine begin
 
    !> Sample, and write posterior.bin with all numbers, the document, and posterior.csv with the
    !> draws if it is asked for. One of an earlier run is removed.

@@ -1,7 +1,5 @@
 !> `next`: the grains to measure next.
 module next_stage
-   use abstract_stage, only: stage_type
-   use analysis, only: analysis_type
    use analysis_document, only: stored_draws
    use errors, only: error_type
    use files, only: file_exists
@@ -12,26 +10,17 @@ module next_stage
    use samplers, only: chain_prefix
    use stage_documents, only: inputs_of
    use statistics, only: flattened
-   use surrogate_loading, only: load_analysis
+   use surrogate_loading, only: analysis_stage_type
    implicit none
    private
    public :: next_stage_type
 
-   type, extends(stage_type) :: next_stage_type
-      type(analysis_type) :: analysis
+   type, extends(analysis_stage_type) :: next_stage_type
    contains
-      procedure :: begin, finish
+      procedure :: finish
    end type next_stage_type
 
 contains
-
-   !> Load the surrogate, and check the posterior.
-   subroutine begin(self, error)
-      class(next_stage_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-
-      call load_analysis(self%problem, self%places, .false., self%analysis, error)
-   end subroutine begin
 
    !> Write the document from the draws that `extract` stored in the folder, or else from new ones.
    subroutine finish(self, page, error)

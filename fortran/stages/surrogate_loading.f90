@@ -1,6 +1,7 @@
 !> The surrogate of an analysis: that which &surrogate names, or, for a film, a correction that is
 !> trained on exact values. The folder of results keeps it for the same inputs.
 module surrogate_loading
+   use abstract_stage, only: stage_type
    use analysis, only: analysis_type
    use errors, only: error_type
    use film_theory, only: film_name
@@ -11,9 +12,24 @@ module surrogate_loading
    use surrogate_model, only: load_named_surrogate, load_surrogate, places_type, save_surrogate
    implicit none
    private
-   public :: load_analysis
+   public :: load_analysis, analysis_stage_type
+
+   !> A stage of an analysis of the measurements.
+   type, abstract, extends(stage_type) :: analysis_stage_type
+      type(analysis_type) :: analysis
+   contains
+      procedure :: begin
+   end type analysis_stage_type
 
 contains
+
+   !> Load the surrogate, and check the posterior.
+   subroutine begin(self, error)
+      class(analysis_stage_type), intent(inout) :: self
+      type(error_type), allocatable, intent(out) :: error
+
+      call load_analysis(self%problem, self%places, .false., self%analysis, error)
+   end subroutine begin
 
    !> Begin the analysis of a problem, for crystals of its class. Without a plan its posterior is
    !> prepared, too.
