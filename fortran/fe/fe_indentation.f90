@@ -162,8 +162,8 @@ contains
    end subroutine make_grids
 
    !> Whether the contact radius (half-space) at each depth spans enough elements for the estimate
-   !> of the modulus. Finer meshes use the depths of the default mesh, because the modulus of a grain
-   !> depends on them.
+   !> of the modulus. Finer meshes use the depths of the default mesh, because the modulus of a
+   !> grain depends on them.
    pure function is_resolved(model)
       type(indentation_model_type), intent(in) :: model
       logical :: is_resolved(size(model%depth))
