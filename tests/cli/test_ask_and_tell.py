@@ -5,6 +5,7 @@ import io
 import json
 
 import numpy as np
+import pytest
 
 import bayesindent as bi
 from support.csv_tables import numbers
@@ -55,3 +56,22 @@ def test_ask_and_tell(bayesindent, tmp_path):
     assert refused.returncode == 2
     assert refused.stderr.startswith(f"{results}: row 1 ")
     assert "one of them is wrong or of another physics" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("symmetry", "domain", "is_cubic"),
+    [
+        ("symmetry = 'cubic'", "", True),
+        ("symmetry = 'cubic'", "&domain classes = 'hexagonal' /", False),
+        ("", "", False),
+    ],
+)
+def test_a_stated_class_is_asked_for(bayesindent, tmp_path, symmetry, domain, is_cubic):
+    file = tmp_path / "own.nml"
+    file.write_text(
+        f"&problem {symmetry} /\n&specimen geometry = 'block' /\n&design budget = 10 /\n{domain}"
+    )
+    asked = json.loads(bayesindent("build", file, "--ask", "4", "--json").stdout)["points"]
+    c = numbers(asked, ["C11", "C22", "C33", "C44", "C55", "C66"])
+    deviation = np.abs(c / c[:, [0, 0, 0, 3, 3, 3]] - 1).max()
+    assert (deviation < 1e-12) == is_cubic
