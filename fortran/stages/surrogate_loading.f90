@@ -1,5 +1,6 @@
-!> The surrogate of an analysis: that which &surrogate names, or, for a film, a correction that is
-!> trained on exact values. The folder of results keeps it for the same inputs.
+!> How the stages of an analysis begin: they load its surrogate. This is the one that &surrogate
+!> names, or, for a film, a correction that is trained on exact values. The folder of results keeps
+!> it for the same inputs.
 module surrogate_loading
    use abstract_stage, only: stage_type
    use analysis, only: analysis_type

@@ -160,7 +160,7 @@ def add_build_arguments(parser: argparse.ArgumentParser) -> None:
         "--ask",
         metavar="N",
         type=int,
-        help="print the next N crystals as CSV instead of simulating them",
+        help="print the next N crystals, of the stated class, instead of simulating them",
     )
     either.add_argument(
         "--tell",
