@@ -1,4 +1,4 @@
-"""The site of the documentation. `./bayesindent docs` puts docs/ and tests/ on the path of
+"""The site of the documentation. `./bayesindent dev docs` puts docs/ and tests/ on the path of
 Python.
 """
 

@@ -1,3 +1,3 @@
-"""Benchmarks: `./bayesindent bench NAME` runs `bench_NAME.py`; other modules here serve benchmarks
-only.
+"""Benchmarks: `./bayesindent dev bench NAME` runs `bench_NAME.py`; other modules here serve
+benchmarks only.
 """

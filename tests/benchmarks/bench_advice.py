@@ -1,7 +1,7 @@
 """Whether advice holds when it is followed: the sds that `extract` promises for further knowledge,
 against those of a run that has it.
 
-    ./bayesindent bench advice [--cases 20] [--first 0] [--others]
+    ./bayesindent dev bench advice [--cases 20] [--first 0] [--others]
 
 Twenty sets of synthetic moduli of crystals that no test uses, of 8 to 40 grains with noise of 1 to
 5 %. The knowledge that would narrow a constant the most is stated in a second run, with a value
@@ -96,7 +96,7 @@ def follow(name, seed):
 
 def main(argv=None) -> None:
     parser = argparse.ArgumentParser(
-        prog="bayesindent bench advice", description=__doc__.splitlines()[0]
+        prog="bayesindent dev bench advice", description=__doc__.splitlines()[0]
     )
     parser.add_argument("--cases", type=int, default=20)
     parser.add_argument("--first", type=int, default=0, help="number of the first case")

@@ -16,9 +16,9 @@ They are also tested without weights, as users get them. What extract would call
 effective samples) depends on data and chains alone, not on the truth, so that the ranks of the
 other data sets must be uniform by themselves: p-values of all data sets, and of the usable ones.
 
-    ./bayesindent bench calibration                       # all cases, 200 data sets each: hours
-    ./bayesindent bench calibration --case cubic --repeats 50
-    ./bayesindent bench calibration --keep ranks.csv      # goes on after an interruption
+    ./bayesindent dev bench calibration                       # all cases, 200 data sets each: hours
+    ./bayesindent dev bench calibration --case cubic --repeats 50
+    ./bayesindent dev bench calibration --keep ranks.csv      # goes on after an interruption
 """
 
 import argparse

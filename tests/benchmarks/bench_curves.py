@@ -5,9 +5,9 @@ Each data set: 12 grains with three tests, ten tests of fused quartz, nuisances 
 the program is given (tests/support/synthetic_curves.py). Least squares: P = k (h - h0)^1.5 up to 10
 mN in every test, one radius from the quartz, the sd from the scatter of a grain's tests.
 
-    ./bayesindent bench curves
-    ./bayesindent bench curves --sets 200 --constants 200
-    ./bayesindent bench curves --speed
+    ./bayesindent dev bench curves
+    ./bayesindent dev bench curves --sets 200 --constants 200
+    ./bayesindent dev bench curves --speed
 """
 
 import argparse
@@ -178,7 +178,7 @@ def read(path: Path) -> dict[str, list]:
 def main(argv=None) -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(
-        prog="bayesindent bench curves", description=__doc__.splitlines()[0]
+        prog="bayesindent dev bench curves", description=__doc__.splitlines()[0]
     )
     parser.add_argument("--sets", type=int, default=40, help="data sets of each case")
     parser.add_argument(

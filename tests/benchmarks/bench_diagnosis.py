@@ -4,9 +4,9 @@ alone: a confusion matrix of injected against named groups.
 Synthetic moduli by the exact theory, with normal noise of 2 %. The sizes of the faults were chosen
 before any result; no threshold was chosen on these crystals.
 
-    ./bayesindent bench diagnosis
-    ./bayesindent bench diagnosis --sets 1 --clean 20 --size 0.5
-    ./bayesindent bench diagnosis --evidence 20
+    ./bayesindent dev bench diagnosis
+    ./bayesindent dev bench diagnosis --sets 1 --clean 20 --size 0.5
+    ./bayesindent dev bench diagnosis --evidence 20
 """
 
 import argparse

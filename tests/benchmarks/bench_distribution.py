@@ -1,7 +1,7 @@
 """Grains of unknown orientation: measured moduli of twelve grains of glaucophane against its
 published constants.
 
-    ./bayesindent bench distribution
+    ./bayesindent dev bench distribution
 
 The moduli and their errors are those of Step 0 (inputs/case_studies/glaucophane_curves.nml). Data
 sets of as many grains are made up from the constants: random directions, the errors that grains

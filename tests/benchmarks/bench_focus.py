@@ -1,8 +1,8 @@
 """Whether the loop closes: embedded grains of metals for which the first fifteen simulations are
 wrong, and simulations at the posterior.
 
-    ./bayesindent bench focus [--metals iridium,lead] [--grain 2.5,163,0.223] [--seeds 5] [--many
-    200] [--output DIR]
+    ./bayesindent dev bench focus [--metals iridium,lead] [--grain 2.5,163,0.223] [--seeds 5]
+    [--many 200] [--output DIR]
 
 Synthetic moduli of eleven grains, by finer simulations than those of the loop, with a noise of 2
 GPa or 1.5 % and the bulk modulus known to 2 %. Each is inferred by `run` with its defaults. Then
@@ -135,7 +135,7 @@ def widths(draws, weight):
 
 def main(argv=None) -> None:
     parser = argparse.ArgumentParser(
-        prog="bayesindent bench focus", description=__doc__.splitlines()[0]
+        prog="bayesindent dev bench focus", description=__doc__.splitlines()[0]
     )
     parser.add_argument("--metals", default=",".join(METALS), help=f"also {', '.join(OTHERS)}")
     parser.add_argument(

@@ -4,8 +4,8 @@ Synthetic moduli of copper and titanium, without factor and contrast, 20 grains 
 modulus known to 2 %, read with `technique = 'oliver_pharr'` and, for comparison, 'exact'. The bias
 of a constant is the mean of (mean - truth)/sd over the tables.
 
-    ./bayesindent bench laboratory                 # 200 tables
-    ./bayesindent bench laboratory --repeats 20
+    ./bayesindent dev bench laboratory                 # 200 tables
+    ./bayesindent dev bench laboratory --repeats 20
 """
 
 import argparse

@@ -116,7 +116,7 @@ def write_data(arguments) -> None:
     header = (
         f"# synthetic: copper, {TRUTH} GPa, as the &specimen of quickstart.nml by finite elements "
         f"(refine = 1.5, extrapolate = .true.) plus N(0, {SD_GPA} GPa) noise; made by "
-        "./bayesindent bench quickstart --data FILE\n"
+        "./bayesindent dev bench quickstart --data FILE\n"
         "phi1_deg,Phi_deg,phi2_deg,indentation_modulus_gpa,sd_gpa"
     )
     formats = ["%.4f", "%.4f", "%.4f", "%.3f", "%.2f"]

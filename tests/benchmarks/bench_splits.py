@@ -4,7 +4,7 @@ of the points.
 Quartz: tests that are left out are grains of unknown modulus, the others the reference.
 Glaucophane: tests of a grain against each other.
 
-    ./bayesindent bench splits
+    ./bayesindent dev bench splits
 """
 
 import argparse
@@ -144,7 +144,7 @@ def folds(names: list[str], n: int) -> list[set[str]]:
 def main(argv=None) -> None:
     """Print both tables."""
     argparse.ArgumentParser(
-        prog="bayesindent bench splits", description=__doc__.splitlines()[0]
+        prog="bayesindent dev bench splits", description=__doc__.splitlines()[0]
     ).parse_args(argv)
     warnings.simplefilter("ignore", bi.BayesindentWarning)
     curves = read()

@@ -6,8 +6,8 @@ orientations, with normal noise. For each case the distance of each constant's p
 the truth in posterior sds (z); with --seeds also the largest distance of a mean of one seed from
 that of all of them, in sds. Results that are not usable are marked and count as the others do.
 
-    ./bayesindent bench truths                                  # every case, one seed
-    ./bayesindent bench truths --seeds 5 --case beryllium       # whether the seeds agree
+    ./bayesindent dev bench truths                                  # every case, one seed
+    ./bayesindent dev bench truths --seeds 5 --case beryllium       # whether the seeds agree
 """
 
 import argparse

@@ -7,7 +7,7 @@ than half, of moduli, speeds, both, with an error of the density of 1 %, and wit
 the moduli of 5 %; singular values of both; the speeds that the rule of docs/waves.md leaves. Then
 the sds of copper and titanium (GPa).
 
-    ./bayesindent bench waves
+    ./bayesindent dev bench waves
 """
 
 import argparse

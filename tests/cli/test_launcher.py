@@ -124,7 +124,7 @@ def test_an_environment_stays_if_no_other_can_be_made(bare_machine, environment,
     assert not environment.with_name(".venv.old").exists()
 
 
-@pytest.mark.parametrize("words", [(), ("--help",), ("bench", "--help"), ("--version",)])
+@pytest.mark.parametrize("words", [(), ("--help",), ("dev", "bench", "--help"), ("--version",)])
 def test_help_changes_no_installation(bare_machine, environment, words):
     done = bare_machine(arguments=words, id="echo 0", apt_get="exit 100")
     assert (done.returncode, done.stderr) == (0, "")

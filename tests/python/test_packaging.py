@@ -75,7 +75,7 @@ def test_hosted_tests_run_what_is_there():
     ]
     for job in jobs.values():
         for step in job["steps"]:
-            for tool in re.findall(r"\./bayesindent (\w+)", step.get("run", "")):
+            for tool in re.findall(r"\./bayesindent (?:dev )?(\w+)", step.get("run", "")):
                 assert (SOURCE / "tests" / "tools" / f"{tool}.py").exists()
 
 

@@ -289,7 +289,7 @@ LONG_STATEMENT = "   y = " + " &\n      & ".join(["+ a_long_name"] * 20) + "\n"
 
 
 def test_counts_tokens_and_packed_code(tmp_path):
-    """The count of `bayesindent lines` on a source tree of one file for each language."""
+    """The count of `bayesindent dev lines` on a source tree of one file for each language."""
     for name, text in {
         "fortran/a/m.f90": FORTRAN_SAMPLE + LONG_STATEMENT,
         "cpp/c.cpp": CPP_SAMPLE,

@@ -15,7 +15,7 @@ def main(argv=None) -> int:
     nothing.
     """
     known = sorted(path.stem.removeprefix("bench_") for path in FOLDER.glob("bench_*.py"))
-    parser = argparse.ArgumentParser(prog="bayesindent bench", description=__doc__)
+    parser = argparse.ArgumentParser(prog="bayesindent dev bench", description=__doc__)
     parser.add_argument(
         "name",
         metavar="NAME",

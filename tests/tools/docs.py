@@ -14,7 +14,7 @@ SITE = ROOT / "build-docs"
 
 def main(argv=None) -> int:
     """Build the site; return an exit status."""
-    argparse.ArgumentParser(prog="bayesindent docs", description=__doc__).parse_args(argv)
+    argparse.ArgumentParser(prog="bayesindent dev docs", description=__doc__).parse_args(argv)
     done = build(SITE)
     if done.returncode == 0:
         print(SITE / "index.html", flush=True)

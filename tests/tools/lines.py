@@ -53,7 +53,7 @@ def main(argv=None) -> int:
     """
     layout = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(
-        prog="bayesindent lines", description=__doc__, formatter_class=layout
+        prog="bayesindent dev lines", description=__doc__, formatter_class=layout
     )
     parser.add_argument(
         "roots", nargs="*", type=Path, metavar="ROOT", help="source trees (this one)"

@@ -20,7 +20,7 @@ SHELL = ("bayesindent", ".ci/run")
 def main(argv=None) -> int:
     """Run every tool, show the output of those that report faults, and return 1 if one does."""
     parser = argparse.ArgumentParser(
-        prog="bayesindent lint",
+        prog="bayesindent dev lint",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -115,7 +115,7 @@ def run(command: list[str]) -> subprocess.CompletedProcess:
         )
     except FileNotFoundError:
         sys.exit(
-            f"lint: {command[0]} is missing; ./bayesindent lint installs it, as does pip "
+            f"lint: {command[0]} is missing; ./bayesindent dev lint installs it, as does pip "
             "install '.[dev]'"
         )
 

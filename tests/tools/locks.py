@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 #: The folder in which pip installs programs of this environment.
 TOOLS = Path(sys.executable).parent
 FOLDER = ROOT / "requirements"
-HEADER = "# Made by `./bayesindent wheel --lock` from pyproject.toml.\n"
+HEADER = "# Made by `./bayesindent dev wheel --lock` from pyproject.toml.\n"
 
 
 def write_locks() -> None:

@@ -41,7 +41,7 @@ FROM_THE_SYSTEM = {"libc6:amd64", "libgcc-s1:amd64", "libstdc++6:amd64"}
 def main(argv=None) -> int:
     """Make wheels, or try one."""
     parser = argparse.ArgumentParser(
-        prog="bayesindent wheel",
+        prog="bayesindent dev wheel",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

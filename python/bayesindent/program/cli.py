@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ..version import __version__
-from .commands import HELP, SUMMARIES, command_of
+from .commands import HELP, SUMMARIES, TOPICS, command_of
 
 DONE, FAILED, BAD_INPUT, UNUSABLE, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -52,15 +52,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv = ["--help"]
     elif argv[:1] == ["version"]:
         argv = ["--version"]
-    elif argv[:1] == ["help"]:
+    topic = argv[1] if argv[:1] == ["help"] and argv[1:] else None
+    if argv[:1] == ["help"]:
         argv = [*argv[1:], "--help"]
     try:
+        if topic in TOPICS or argv == ["completion"]:
+            print(HELP[topic] if topic else completion(), flush=True)
+            return DONE
         root = parser(argv)
         if argv and argv[0] not in SUMMARIES and not argv[0].startswith("-"):
             near = [f"run {argv[0]}"] if argv[0].endswith(".nml") else SUMMARIES
-            root.refuse(
-                f"'{argv[0]}' is no command; allowed: {', '.join(SUMMARIES)}", argv[0], near
-            )
+            allowed = ", ".join([*SUMMARIES, "help COMMAND", "help TOPIC", "completion"])
+            root.refuse(f"'{argv[0]}' is no command; allowed: {allowed}", argv[0], near)
         arguments, unknown = root.parse_known_args(argv)
         if unknown:
             said = f"unrecognized arguments: {' '.join(unknown)}"
@@ -128,11 +131,12 @@ def fail_by_file(error: OSError) -> int:
 
 class Parser(argparse.ArgumentParser):
     """A parser whose help ends with the namelist groups that the command reads, or with all their
-    variables, and whose errors suggest the nearest option.
+    variables, and whose errors suggest the nearest option. A stated `page` is the whole help.
     """
 
     groups: tuple[str, ...] = ()
     full = False
+    page = ""
 
     def __init__(self, *args: Any, **kwargs: Any):
         kwargs["formatter_class"] = argparse.RawDescriptionHelpFormatter
@@ -142,7 +146,7 @@ class Parser(argparse.ArgumentParser):
 
     def format_help(self) -> str:
         """The help, and the groups of the namelist."""
-        text = super().format_help()
+        text = self.page or super().format_help()
         if self.groups and not self.full:
             text += f"\ngroups of the namelist ('{self.prog} --all' explains every variable):\n"
         return text + "".join(describe_group(name, self.full) for name in self.groups)
@@ -163,7 +167,8 @@ def parser(words: Sequence[str] | None = None) -> Parser:
     """The parser of all commands. Only commands among `words` (default: all) get their arguments;
     with '--all' among them the help lists every variable.
     """
-    root = Parser(prog="bayesindent", description=HELP["bayesindent"], epilog=HELP["examples"])
+    root = Parser(prog="bayesindent")
+    root.page = overview()
     root.add_argument(
         "-V", "-v", "--version", action="version", version=f"bayesindent {__version__}"
     )
@@ -216,6 +221,39 @@ def parser(words: Sequence[str] | None = None) -> Parser:
         if command.arguments is not None:
             command.arguments(sub)
     return root
+
+
+def overview() -> str:
+    """The help of the program, one screen: a line for each command, and the topics."""
+    lines = [f"  {name:<10}{summary}" for name, (_, summary) in SUMMARIES.items()]
+    return f"""{HELP["bayesindent"]} Commands:
+{chr(10).join(lines)}
+
+bayesindent help COMMAND explains a command, help TOPIC a topic:
+{", ".join(TOPICS)}. Also: bayesindent version.
+"""
+
+
+def completion() -> str:
+    """A script for bash and zsh that completes commands, options, and names of files."""
+    cases = [f"help) words='{' '.join([*SUMMARIES, *TOPICS])}' ;;"]
+    for action in parser()._actions:
+        for name, sub in dict(action.choices or {}).items():
+            cases.append(f"{name}) words='{' '.join(sub._option_string_actions)}' ;;")
+    return f"""_bayesindent() {{
+  local word=${{COMP_WORDS[COMP_CWORD]}} words=
+  case ${{COMP_WORDS[1]}} in
+  {chr(10).join(cases)}
+  esac
+  if [ "$COMP_CWORD" = 1 ]; then
+    words='{" ".join([*SUMMARIES, "help", "version", "completion"])}'
+  elif [ "${{COMP_WORDS[1]}}" != help ] && [ "${{word#-}}" = "$word" ]; then
+    words=
+  fi
+  COMPREPLY=($(compgen -W "$words" -- "$word"))
+}}
+[ -z "${{ZSH_VERSION-}}" ] || {{ autoload -U +X bashcompinit && bashcompinit; }}
+complete -o default -F _bayesindent bayesindent"""
 
 
 def whole(text: str) -> int:

@@ -11,11 +11,12 @@ if TYPE_CHECKING:
     from ..command import Command
 
 #: The page of help. Each part has its name, the module of a command with one line on it, and its
-#: text.
+#: text. Parts without a module are topics.
 PAGE = (Path(__file__).parents[1] / "help.txt").read_text(encoding="utf-8")
 PARTS = re.findall(r"^== (\w+)(?: (\w+): (.*))?\n((?:(?!== ).*\n?)*)", PAGE, re.MULTILINE)
 HELP = {name: text.strip("\n") for name, _, _, text in PARTS}
 SUMMARIES = {name: (module, summary) for name, module, summary, _ in PARTS if module}
+TOPICS = [name for name, module, _, _ in PARTS if not module and name != "bayesindent"]
 
 
 def command_of(name: str) -> "Command":

@@ -32,5 +32,4 @@ def run(arguments: argparse.Namespace) -> NoReturn:
     os.execve(sys.executable, command, environment)
 
 
-NAMES = ("bench", "test", "lint", "wheel", "docs", "lines")
-COMMANDS = tuple(Command(name, action=run, arguments=take_all) for name in NAMES)
+COMMANDS = tuple(Command(name, action=run, arguments=take_all) for name in ("test", "dev"))
