@@ -207,7 +207,7 @@ void analysis::plan_memory() {
   upper = shared[0] + alone[1] <= shared[1] + alone[0] ? 0 : 1;
   arena_size = shared[upper];
   stack_size = alone[1 - upper];
-  column_size = static_cast<std::size_t>(n) + tallest;
+  column_size = (static_cast<std::size_t>(n) + tallest) * solved_together;
   sizes[2] = static_cast<double>(sizeof(real)) *
              static_cast<double>(arena_size + stack_size + column_size);
 }

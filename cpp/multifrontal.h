@@ -22,13 +22,15 @@ enum status : integer { ok, indefinite, no_memory, internal };
 
 // Fronts of at most this many columns are factored without recursion.
 constexpr integer panel_width = 48;
+// Right-hand sides that are solved together.
+constexpr integer solved_together = 10;
 
 // The numbers of one matrix, used by one thread at a time.
 struct workspace {
   // The factor grows from the bottom of `arena`, one stack of update matrices from its top; the
   // other stack has memory of its own.
   std::unique_ptr<real[]> arena, stack;
-  // A permuted right-hand side and the rows of one front.
+  // Permuted right-hand sides and their rows of one front.
   std::unique_ptr<real[]> column;
 };
 

@@ -18,10 +18,8 @@
 // Procedures of BLAS and LAPACK for the factorisation.
 extern "C" {
 void spotrf_(const char *, const int *, float *, const int *, int *);
-void strsv_(const char *, const char *, const char *, const int *, const float *, const int *,
-            float *, const int *);
-void sgemv_(const char *, const int *, const int *, const float *, const float *, const int *,
-            const float *, const int *, const float *, float *, const int *);
+void strsm_(const char *, const char *, const char *, const char *, const int *, const int *,
+            const float *, const float *, const int *, float *, const int *);
 void strtri_(const char *, const char *, const int *, float *, const int *, int *);
 void ssyrk_(const char *, const char *, const int *, const int *, const float *, const float *,
             const int *, const float *, float *, const int *);
@@ -249,44 +247,61 @@ void bayesindent_cholesky_retained_factor(const analysis *handle, const workspac
   }
 }
 
-// Overwrites the right-hand side `x` with the solution.
-void bayesindent_cholesky_solve(const analysis *handle, workspace *work, double *x) {
+// Overwrites `count` right-hand sides `x`, one after another, with the solutions.
+void bayesindent_cholesky_solve(const analysis *handle, workspace *work, integer count, double *x) {
   const analysis &self = *handle;
   const real one = 1.0, minus = -1.0, zero = 0.0;
-  const int step = 1;
-  real *const y = work->column.get(), *const part = y + self.n;
-  for (integer k = 0; k < self.n; ++k)
-    y[k] = x[self.unknown_at[k]];
-  // Entries before the first non-zero load stay zero.
-  const integer loaded =
-      static_cast<integer>(std::find_if(y, y + self.n, [](real load) { return load != 0.0; }) - y);
-  for (integer k = 0; k < self.supernodes; ++k) {
-    if (self.first[k + 1] <= loaded)
-      continue;
-    const integer own = self.columns_of(k), height = self.rows_of(k), rest = height - own;
-    const real *block = work->arena.get() + self.block_start[k];
-    const integer *below = self.rows.data() + self.row_start[k] + own;
-    strsv_("L", "N", "N", &own, block, &height, y + self.first[k], &step);
-    if (rest == 0)
-      continue;
-    sgemv_("N", &rest, &own, &one, block + own, &height, y + self.first[k], &step, &zero, part,
-           &step);
-    for (integer i = 0; i < rest; ++i)
-      y[below[i]] -= part[i];
-  }
-  for (integer k = self.supernodes - 1; k >= 0; --k) {
-    const integer own = self.columns_of(k), height = self.rows_of(k), rest = height - own;
-    const real *block = work->arena.get() + self.block_start[k];
-    const integer *below = self.rows.data() + self.row_start[k] + own;
-    if (rest > 0) {
-      for (integer i = 0; i < rest; ++i)
-        part[i] = y[below[i]];
-      sgemv_("T", &rest, &own, &minus, block + own, &height, part, &step, &one, y + self.first[k],
-             &step);
+  const integer n = self.n;
+  for (; count > 0; count -= solved_together, x += static_cast<std::size_t>(solved_together) * n) {
+    const integer some = std::min(count, solved_together);
+    real *const y = work->column.get(), *const part = y + static_cast<std::size_t>(some) * n;
+    // Entries before the first non-zero load stay zero.
+    integer loaded = n;
+    for (integer k = n; k-- > 0;) {
+      for (integer j = 0; j < some; ++j) {
+        const std::size_t column = static_cast<std::size_t>(j) * n;
+        y[column + k] = x[column + self.unknown_at[k]];
+        if (y[column + k] != 0.0)
+          loaded = k;
+      }
     }
-    strsv_("L", "T", "N", &own, block, &height, y + self.first[k], &step);
+    for (integer k = 0; k < self.supernodes; ++k) {
+      if (self.first[k + 1] <= loaded)
+        continue;
+      const integer own = self.columns_of(k), height = self.rows_of(k), rest = height - own;
+      const real *block = work->arena.get() + self.block_start[k];
+      const integer *below = self.rows.data() + self.row_start[k] + own;
+      real *const mine = y + self.first[k];
+      strsm_("L", "L", "N", "N", &own, &some, &one, block, &height, mine, &n);
+      if (rest == 0)
+        continue;
+      sgemm_("N", "N", &rest, &some, &own, &one, block + own, &height, mine, &n, &zero, part,
+             &rest);
+      for (integer j = 0; j < some; ++j) {
+        for (integer i = 0; i < rest; ++i)
+          y[static_cast<std::size_t>(j) * n + below[i]] -= part[j * rest + i];
+      }
+    }
+    for (integer k = self.supernodes - 1; k >= 0; --k) {
+      const integer own = self.columns_of(k), height = self.rows_of(k), rest = height - own;
+      const real *block = work->arena.get() + self.block_start[k];
+      const integer *below = self.rows.data() + self.row_start[k] + own;
+      real *const mine = y + self.first[k];
+      if (rest > 0) {
+        for (integer j = 0; j < some; ++j) {
+          for (integer i = 0; i < rest; ++i)
+            part[j * rest + i] = y[static_cast<std::size_t>(j) * n + below[i]];
+        }
+        sgemm_("T", "N", &own, &some, &rest, &minus, block + own, &height, part, &rest, &one, mine,
+               &n);
+      }
+      strsm_("L", "L", "T", "N", &own, &some, &one, block, &height, mine, &n);
+    }
+    for (integer j = 0; j < some; ++j) {
+      const std::size_t column = static_cast<std::size_t>(j) * n;
+      for (integer k = 0; k < n; ++k)
+        x[column + self.unknown_at[k]] = y[column + k];
+    }
   }
-  for (integer k = 0; k < self.n; ++k)
-    x[self.unknown_at[k]] = y[k];
 }
 }

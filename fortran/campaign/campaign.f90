@@ -61,18 +61,21 @@ module campaign
    !> Columns of a row, in the order of `read_row` and `add`.
    character(len=*), &
       & parameter :: columns = 'position, symmetry, constants, euler_deg, origin, status, ' &
-      & //'message, depth_um, force_mn, indentation_modulus_gpa, elements, seconds, checksum'
+      & //'message, depth_um, force_mn, modulus_by_stiffness, indentation_modulus_gpa, elements, ' &
+      & //'seconds, checksum'
    !> Number of columns; number of those, from the second on, that are texts.
-   integer, parameter :: n_columns = 13, n_texts = 8
+   integer, parameter :: n_columns = 14, n_texts = 9
    character(len=*), parameter :: lookup = 'SELECT '//columns//' FROM simulation WHERE ' &
       & //'physics_id = ? AND symmetry = ? AND constants = ? AND euler_deg = ?'
    character(len=*), parameter :: insertion = 'INSERT INTO simulation (physics_id, '//columns &
       & //', created) VALUES (?1, COALESCE(NULLIF(?2, ''-1''), (SELECT COALESCE(MAX(position) ' &
       & //'+ 1, 0) FROM simulation WHERE physics_id = ?1)), ?3, ?4, ?5, ' &
       & //'?6, ?7, ?8, NULLIF(?9, ''''), NULLIF(?10, ''''), NULLIF(?11, ' &
-      & //'0.0), NULLIF(?12, ''0''), NULLIF(?13, 0.0), ?14, ' &
+      & //'''''), NULLIF(?12, 0.0), NULLIF(?13, ''0''), NULLIF(?14, 0.0), ?15, ' &
       & //'strftime(''%Y-%m-%dT%H:%M:%S+00:00'', ''now'')) ON CONFLICT (physics_id, symmetry, ' &
       & //'constants, euler_deg) DO NOTHING'
+   !> Number of derivatives by the stiffness, where there are any.
+   integer, parameter, public :: n_derivatives = 21
    !> Values of the columns origin and status.
    character(len=*), parameter :: simulated = 'simulated', imported = 'told', done = 'done', &
       & failed = 'failed'
@@ -179,6 +182,7 @@ contains
       end if
       texts(7)%text = list_text(outcome%depth)
       texts(8)%text = list_text(outcome%force)
+      texts(9)%text = list_text(outcome%by_stiffness)
       values = text_value(self%physics)//text_value(to_text(max(-1, row%position)))
       do i = 1, n_texts
          values = values//text_value(texts(i)%text)
@@ -280,20 +284,22 @@ contains
          outcome%message = cell(7)%text
          outcome%depth = numbers_in(cell(8)%text)
          outcome%force = numbers_in(cell(9)%text)
-         call read_real(cell(10)%text, outcome%modulus, status)
-         call read_integer(cell(11)%text, outcome%elements, status)
-         call read_real(cell(12)%text, outcome%seconds, status)
+         outcome%by_stiffness = numbers_in(cell(10)%text)
+         call read_real(cell(11)%text, outcome%modulus, status)
+         call read_integer(cell(12)%text, outcome%elements, status)
+         call read_real(cell(13)%text, outcome%seconds, status)
       end associate
       euler_deg = numbers_in(cell(4)%text)
       if (.not. allocated(class%name)) class%name = ''
       if (class%name /= cell(2)%text) call new_crystal_class(cell(2)%text, class, unknown)
       associate (outcome => row%outcome)
-         is_right = cell(13)%text == row_checksum(self%identity, cell(2:1 + n_texts), outcome) &
+         is_right = cell(14)%text == row_checksum(self%identity, cell(2:1 + n_texts), outcome) &
             & .and. row%position >= 0 .and. .not. allocated(unknown)
          is_right = is_right .and. class%n_constants == size(row%constants) &
             & .and. size(euler_deg) == size(row%euler_deg) &
-            & .and. size(outcome%depth) == size(outcome%force)
-         numbers = [row%constants, euler_deg, outcome%depth, outcome%force]
+            & .and. size(outcome%depth) == size(outcome%force) &
+            & .and. any([0, n_derivatives] == size(outcome%by_stiffness))
+         numbers = [row%constants, euler_deg, outcome%depth, outcome%force, outcome%by_stiffness]
          is_right = is_right .and. all(numbers > -huge(1.0_wp)) &
             & .and. (outcome%modulus > 0.0_wp .or. outcome%status /= outcome_done)
       end associate
@@ -332,7 +338,8 @@ contains
       integer :: i
 
       content = identity
-      do i = 1, size(texts)
+      ! Rows of campaigns that were made without derivatives have no text for them.
+      do i = 1, size(texts) - merge(0, 1, len(texts(size(texts))%text) > 0)
          content = content//newline//texts(i)%text
       end do
       digits = checksum(content//newline//to_text(transfer(outcome%modulus, 1_i8)) &

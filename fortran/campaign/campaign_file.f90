@@ -49,7 +49,11 @@ module campaign_file
    end interface
 
    !> Mark of the files of this package ('bayi'), and version of their layout.
-   character(len=*), parameter :: application_id = '1650555241', layout_version = '2'
+   character(len=*), parameter :: application_id = '1650555241', layout_version = '3'
+   !> Version before, whose simulations have no derivatives, and the statement that adds them.
+   character(len=*), parameter :: former_version = '2', &
+      & addition = 'ALTER TABLE simulation ADD COLUMN modulus_by_stiffness TEXT; PRAGMA ' &
+      & //'user_version = '//layout_version
    !> Statement that begins a transaction. `end_transaction` keeps all of its changes, or none.
    character(len=*), parameter :: begin_transaction = 'BEGIN IMMEDIATE'
 
@@ -70,6 +74,7 @@ module campaign_file
       & //'    message TEXT NOT NULL,                  -- why it failed'//newline &
       & //'    indentation_modulus_gpa REAL,'//newline//'    elements INTEGER, seconds REAL,' &
       & //newline//'    depth_um TEXT, force_mn TEXT,           -- JSON lists' &
+      & //newline//'    modulus_by_stiffness TEXT,              -- JSON list, by C11, C12 .. C66' &
       & //newline//'    created TEXT NOT NULL,                  -- UTC'//newline &
       & //'    checksum TEXT,                          -- of all before but id, position, created' &
       & //newline//'    UNIQUE (physics_id, symmetry, constants, euler_deg)'//newline//');' &
@@ -212,6 +217,14 @@ contains
                & //'another output folder')
          end if
          if (.not. allocated(error)) call file%value('PRAGMA user_version', found, error)
+         if (found == former_version .and. schema == tables .and. .not. allocated(error)) then
+            ! Another process may have added them meanwhile.
+            call file%run(begin_transaction, error)
+            if (.not. allocated(error)) call file%value('PRAGMA user_version', found, error)
+            if (found == former_version) call file%run(addition, error)
+            call end_transaction(file, error)
+            found = layout_version
+         end if
          if (found /= layout_version .and. .not. allocated(error)) then
             call refuse(error, path//': is a campaign of format '//found//', not '//layout_version &
                & //'; move it away to start a new one')

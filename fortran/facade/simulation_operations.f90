@@ -40,7 +40,7 @@ contains
       type(outcome_type) :: outcome
 
       !> simulator.run: stiffness, euler_deg -> status, modulus_gpa, seconds, elements, depth_um,
-      !> force_mn, message
+      !> force_mn, modulus_by_stiffness, message
       call simulator%run(x%in%columns('stiffness', 6), degree*x%in%reals('euler_deg'), &
          & outcome, x%error)
       if (allocated(x%error)) return
@@ -50,6 +50,7 @@ contains
       call x%out%put('elements', outcome%elements)
       call x%out%put('depth_um', outcome%depth)
       call x%out%put('force_mn', outcome%force)
+      call x%out%put('modulus_by_stiffness', outcome%by_stiffness)
       call x%out%put('message', outcome%message)
    end subroutine run_simulator
 
@@ -70,7 +71,7 @@ contains
          !> stiffness, euler_deg -> indentation_modulus_gpa, depth_um, force_mn,
          !> modulus_by_depth_gpa, contact_radius_um, elements, seconds, seconds_factor,
          !> modulus_slope_gpa, modulus_last_gpa, modulus_of_mesh_gpa, contact_residual,
-         !> equilibrium_residual
+         !> equilibrium_residual, modulus_by_stiffness, modulus_by_rotation_gpa
          call simulate_indentation(model, x%in%columns('stiffness', 6), &
             & degree*x%in%reals('euler_deg'), result, x%error)
          if (allocated(x%error)) return
@@ -87,6 +88,8 @@ contains
          call x%out%put('modulus_of_mesh_gpa', result%modulus_of_mesh)
          call x%out%put('contact_residual', result%contact_residual)
          call x%out%put('equilibrium_residual', result%equilibrium_residual)
+         call x%out%put('modulus_by_stiffness', result%by_stiffness)
+         call x%out%put('modulus_by_rotation_gpa', result%by_rotation)
       case ('fields')
          !> stiffness, euler_deg, step -> x, gap, brick, material, facet, contact, clamped, hanging,
          !> master, displacement_um, materials, infinite, depth_um, values
@@ -199,13 +202,15 @@ contains
                & [3, size(jobs)])
          end associate
       case ('take')
-         !> number, status, modulus_gpa, seconds, elements, depth_um, force_mn, message ->
+         !> number, status, modulus_gpa, seconds, elements, depth_um, force_mn,
+         !> modulus_by_stiffness, message ->
          outcome%status = x%in%integer('status')
          outcome%modulus = x%in%real('modulus_gpa')
          outcome%seconds = x%in%real('seconds')
          outcome%elements = x%in%integer('elements')
          outcome%depth = x%in%reals('depth_um')
          outcome%force = x%in%reals('force_mn')
+         outcome%by_stiffness = x%in%reals('modulus_by_stiffness')
          outcome%message = x%in%text('message')
          call stage%take(x%in%integer('number'), outcome, x%error)
       case ('leave')

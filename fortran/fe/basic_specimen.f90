@@ -85,7 +85,7 @@ module basic_specimen
       !> layers before them at refine = 1.
       real(wp), private :: outer = 0.0_wp, growth = 0.0_wp
    contains
-      procedure :: set_up, plan, check_sizes, materials
+      procedure :: set_up, plan, check_sizes, materials, by_crystal
       procedure, non_overridable :: own_stiffness, mesh_error, wants_extrapolation
    end type specimen_type
 
@@ -235,6 +235,16 @@ contains
 
       c = spread(crystal, 3, 1)
    end function materials
+
+   !> Derivative of a modulus by the stiffness of the crystal.
+   pure function by_crystal(self, by_material, crystal) result(by)
+      class(specimen_type), intent(in) :: self
+      !> Its derivatives by that of each material (6, 6, materials); sample frame, GPa.
+      real(wp), intent(in) :: by_material(:, :, :), crystal(6, 6)
+      real(wp) :: by(6, 6)
+
+      by = by_material(:, :, 1)
+   end function by_crystal
 
    !> Approximate largest relative error of the modulus of a crystal over all orientations; for most
    !> orientations the error is smaller.

@@ -2,13 +2,16 @@
 !> of the entries are found once for a mesh, the values for each crystal.
 module fe_assembly
    use errors, only: error_type, raise
-   use fe_element, only: brick_stiffness, infinite_stiffness
+   use fe_element, only: brick_own_strain, brick_stiffness, infinite_own_strain, infinite_stiffness
    use fe_mesh, only: mesh_type
    use kinds, only: wp
+   use linear_algebra, only: multiply
+   use statistics, only: sort_order
    use text, only: to_text
    implicit none
    private
-   public :: assembly_type, new_assembly, assemble, expand_displacement, product_with, reaction
+   public :: assembly_type, new_assembly, assemble, expand_displacement, product_with, reaction, &
+      & energy_by_stiffness
 
    !> The structure of the matrix. It does not change once made, so threads share it. Each free node
    !> has three unknowns, its displacements; the displacements normal to the contact surface come
@@ -287,6 +290,84 @@ contains
          u(:, mesh%hanging(i)) = sum(u(:, mesh%master(:m, i)), dim=2)/m
       end do
    end subroutine expand_displacement
+
+   !> Derivatives of the sum of uᵀ K v by the stiffness of each material, um3: for small changes of
+   !> `c` it changes by the sum of their products with `by`.
+   subroutine energy_by_stiffness(mesh, formulation, c, u, v, by)
+      type(mesh_type), intent(in) :: mesh
+      !> Formulation of the bricks (`fe_element`).
+      integer, intent(in) :: formulation
+      !> In the sample frame, GPa (6, 6, materials); pairs of displacements, um, (3, nodes, pairs).
+      real(wp), intent(in) :: c(:, :, :), u(:, :, :), v(:, :, :)
+      real(wp), intent(out) :: by(:, :, :)
+      !> Bricks that are added together: their numbers fit into a cache.
+      integer, parameter :: some = 64
+      !> Strain of the points of an element by its displacements, and their volumes.
+      real(wp) :: strain(48, 24), volume(8), far_strain(24, 12), far_volume(4)
+      !> Bricks in the order of their classes.
+      integer :: order(size(mesh%brick, 2)), first, last, e, i, k
+
+      call sort_order(real(mesh%class, wp), order)
+      by = 0.0_wp
+      last = 0
+      do i = 1, size(mesh%representative)
+         first = last + 1
+         do last = first, size(order) - 1
+            if (mesh%class(order(last + 1)) > i) exit
+         end do
+         e = mesh%representative(i)
+         call brick_own_strain(mesh%x(:, mesh%brick(:, e)), c(:, :, mesh%material(e)), &
+            & formulation, mesh%growth(e), strain, volume)
+         do k = first, last, some
+            associate (members => order(k:min(k + some - 1, last)))
+               call add_elements(mesh%brick(:, members), mesh%scale(members), strain, volume, &
+                  & by(:, :, mesh%material(e)))
+            end associate
+         end do
+      end do
+      do e = 1, size(mesh%facet, 2)
+         associate (material => mesh%facet_material(e))
+            call infinite_own_strain(mesh%x(:, mesh%facet(:, e)), c(:, :, material), far_strain, &
+               & far_volume)
+            call add_elements(mesh%facet(:, e:e), [1.0_wp], far_strain, far_volume, &
+               & by(:, :, material))
+         end associate
+      end do
+      do i = 1, size(by, 3)
+         by(:, :, i) = 0.5_wp*(by(:, :, i) + transpose(by(:, :, i)))
+      end do
+
+   contains
+
+      !> Add the strains of equal elements, whose energy is proportional to their scale.
+      subroutine add_elements(nodes, scale, strain, volume, total)
+         !> (node, element); (element).
+         integer, intent(in) :: nodes(:, :)
+         real(wp), intent(in) :: scale(:), strain(:, :), volume(:)
+         real(wp), intent(inout) :: total(6, 6)
+         !> Displacements and strains of each pair, element by element, those of `v` last.
+         real(wp) :: both(size(strain, 2), 2*size(scale)*size(u, 3)), &
+            & strains(size(strain, 1), size(both, 2))
+         integer :: i, j, k, n, m
+
+         n = size(scale)
+         m = n*size(u, 3)
+         do k = 1, n
+            both(:, k:m:n) = reshape(u(:, nodes(:, k), :), [size(both, 1), size(u, 3)])
+            both(:, m + k::n) = scale(k)*reshape(v(:, nodes(:, k), :), [size(both, 1), size(u, 3)])
+         end do
+         call multiply(strain, both, strains)
+         do k = 1, m
+            do i = 1, size(volume)
+               associate (one => strains(6*i - 5:6*i, k), other => strains(6*i - 5:6*i, m + k))
+                  do j = 1, 6
+                     total(:, j) = total(:, j) + (volume(i)*other(j))*one
+                  end do
+               end associate
+            end do
+         end do
+      end subroutine add_elements
+   end subroutine energy_by_stiffness
 
    !> Force (mN) that the surroundings exert on the mesh, through the infinite elements or the
    !> clamped nodes.

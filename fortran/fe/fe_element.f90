@@ -5,10 +5,11 @@
 !> face 5-8, then 5-8 above them.
 module fe_element
    use kinds, only: wp
+   use linear_algebra, only: multiply
    implicit none
    private
    public :: brick_full, brick_selective, brick_incompatible, brick_stiffness, brick_strain, &
-      & brick_stress, infinite_stiffness
+      & brick_stress, infinite_stiffness, brick_own_strain, infinite_own_strain
 
    !> Formulations: full 2 x 2 x 2 integration (CalculiX' C3D8); volumetric strain averaged over the
    !> element (Abaqus' C3D8); nine incompatible modes (C3D8I: Wilson et al. 1973, with Taylor's
@@ -58,6 +59,59 @@ contains
       unknowns_of = 24
       if (formulation == brick_incompatible) unknowns_of = merge(30, 33, growth > 1.0_wp)
    end function unknowns_of
+
+   !> Strain (1/um) at the integration points of a brick for unit nodal displacements, the
+   !> incompatible modes following them, and the volumes of the points (um3).
+   pure subroutine brick_own_strain(x, c, formulation, growth, strain, volume)
+      !> As in `brick_stiffness`.
+      real(wp), intent(in) :: x(3, 8), c(6, 6), growth
+      !> One of the formulations above.
+      integer, intent(in) :: formulation
+      !> (strain of each point in turn, displacement); (point).
+      real(wp), intent(out) :: strain(48, 24), volume(8)
+      real(wp) :: b(6, 33, 8)
+
+      call brick_strain(x, formulation, growth, b, volume)
+      call follow_displacements(b(:, :unknowns_of(formulation, growth), :), c, volume, strain)
+   end subroutine brick_own_strain
+
+   !> The same of the infinite element over a facet.
+   pure subroutine infinite_own_strain(x, c, strain, volume)
+      !> Nodes, um; stiffness, GPa.
+      real(wp), intent(in) :: x(3, 4), c(6, 6)
+      !> (strain of each point in turn, displacement); (point).
+      real(wp), intent(out) :: strain(24, 12), volume(4)
+      real(wp) :: b(6, 18, 4)
+
+      call infinite_strain(x, b, volume)
+      call follow_displacements(b, c, volume, strain)
+   end subroutine infinite_own_strain
+
+   !> Strain for unit displacements, the modes having their values of least energy.
+   pure subroutine follow_displacements(b, c, volume, strain)
+      !> Strain by displacements and modes, (6, unknowns, points); GPa; um3.
+      real(wp), intent(in) :: b(:, :, :), c(6, 6), volume(:)
+      !> (6 points, displacements).
+      real(wp), intent(out) :: strain(:, :)
+      real(wp) :: forces(size(b, 2) - size(strain, 2), size(b, 2)), &
+         & by(size(strain, 1), size(b, 2)), stress(size(strain, 1), size(forces, 1)), ratio
+      integer :: j, n, p, q
+
+      n = size(strain, 2)
+      do q = 1, size(b, 3)
+         by(6*q - 5:6*q, :) = b(:, :, q)
+         stress(6*q - 5:6*q, :) = volume(q)*matmul(c, b(:, n + 1:, q))
+      end do
+      call multiply(stress, by, forces, transposed=.true.)
+      do p = size(forces, 1), 1, -1
+         do j = 1, n + p - 1
+            ratio = forces(p, j)/forces(p, n + p)
+            by(:, j) = by(:, j) - ratio*by(:, n + p)
+            forces(:p - 1, j) = forces(:p - 1, j) - ratio*forces(:p - 1, n + p)
+         end do
+      end do
+      strain = by(:, :n)
+   end subroutine follow_displacements
 
    !> Mean stress (GPa) of a brick with nodal displacements `u` (um).
    pure subroutine brick_stress(x, c, formulation, growth, u, stress)
@@ -151,19 +205,35 @@ contains
       real(wp), intent(in) :: x(3, 4), c(6, 6)
       !> mN/um.
       real(wp), intent(out) :: k(12, 12)
+      real(wp) :: b(6, 18, 4), volume(4), total(18, 18)
+      integer :: q
+
+      call infinite_strain(x, b, volume)
+      total = 0.0_wp
+      do q = 1, 4
+         total = total + volume(q)*matmul(transpose(b(:, :, q)), matmul(c, b(:, :, q)))
+      end do
+      call eliminate_modes(total, 12)
+      k = 0.5_wp*(total(:12, :12) + transpose(total(:12, :12)))
+   end subroutine infinite_stiffness
+
+   !> Strain at the four integration points of an infinite element for unit degrees of freedom, and
+   !> their volumes; see `infinite_stiffness`.
+   pure subroutine infinite_strain(x, b, volume)
+      real(wp), intent(in) :: x(3, 4)
+      !> (strain, displacements and modes, point), 1/um; um3.
+      real(wp), intent(out) :: b(6, 18, 4), volume(4)
       real(wp), parameter :: sign_s(4) = [-1.0_wp, 1.0_wp, 1.0_wp, -1.0_wp], &
          & sign_t(4) = [-1.0_wp, -1.0_wp, 1.0_wp, 1.0_wp]
       real(wp) :: shape(4), along_s(4), along_t(4), jacobian(3, 3), inverse(3, 3), determinant, &
-         & b(6, 18), natural(3, 4)
-      real(wp) :: s, t, gradient(3, 4), total(18, 18), centre_inverse(3, 3), &
-         & centre_determinant, scale
+         & natural(3, 4)
+      real(wp) :: s, t, gradient(3, 4), centre_inverse(3, 3), centre_determinant, scale
       integer :: a, q
 
       jacobian(:, 1) = 0.25_wp*sum(x, dim=2)
       jacobian(:, 2) = 0.25_wp*matmul(x, sign_s)
       jacobian(:, 3) = 0.25_wp*matmul(x, sign_t)
       call invert(jacobian, centre_inverse, centre_determinant)
-      total = 0.0_wp
       do q = 1, 4
          s = gauss*sign_s(q)
          t = gauss*sign_t(q)
@@ -179,17 +249,15 @@ contains
          natural(3, :) = along_t
          gradient = matmul(transpose(inverse), natural)
          do a = 1, 4
-            b(:, 3*a - 2:3*a) = strain_of(gradient(:, a))
+            b(:, 3*a - 2:3*a, q) = strain_of(gradient(:, a))
          end do
          ! At the integration points s2 = t2 = 1/3, so the modes themselves vanish there.
          scale = centre_determinant/determinant
-         b(:, 13:15) = strain_of(-2.0_wp*s*scale*centre_inverse(2, :))
-         b(:, 16:18) = strain_of(-2.0_wp*t*scale*centre_inverse(3, :))
-         total = total + abs(determinant)*matmul(transpose(b), matmul(c, b))
+         b(:, 13:15, q) = strain_of(-2.0_wp*s*scale*centre_inverse(2, :))
+         b(:, 16:18, q) = strain_of(-2.0_wp*t*scale*centre_inverse(3, :))
+         volume(q) = abs(determinant)
       end do
-      call eliminate_modes(total, 12)
-      k = 0.5_wp*(total(:12, :12) + transpose(total(:12, :12)))
-   end subroutine infinite_stiffness
+   end subroutine infinite_strain
 
    !> Eliminate all unknowns but the first `n` from `k` (static condensation).
    pure subroutine eliminate_modes(k, n)

@@ -9,8 +9,8 @@ module fe_grid
    use indenters, only: indenter_type
    use basic_specimen, only: specimen_type
    use errors, only: error_type, raise
-   use fe_assembly, only: assemble, assembly_type, expand_displacement, new_assembly, &
-      & product_with, reaction
+   use fe_assembly, only: assemble, assembly_type, energy_by_stiffness, expand_displacement, &
+      & new_assembly, product_with, reaction
    use fe_mesh, only: mesh_type, new_mesh
    use kinds, only: pi, wp
    use omp_lib, only: omp_get_wtime
@@ -49,12 +49,16 @@ module fe_grid
       integer :: left_zone = 0
       !> Displacement (um) of the nodes at the requested depth (3, nodes).
       real(wp), allocatable :: displacement(:, :)
+      !> A modulus is a sum of the forces with these weights, 1/(um mN), (depths), if they are
+      !> allocated. Its derivative by the stiffness of each material: for small changes of these
+      !> (6, 6, materials) it changes by the sum of their products.
+      real(wp), allocatable :: weight(:), by_material(:, :, :)
    end type curve_type
 
 contains
 
    !> Nodal forces at one depth, by the primal-dual active set method that starts from `active`.
-   subroutine solve_contact(compliance, gap, depth, active, force, error)
+   subroutine solve_contact(compliance, gap, depth, active, force, error, rate)
       !> Normal displacements of the nodes by unit normal forces, um/mN; height of the indenter
       !> above each node at zero depth, and its depth, um.
       real(wp), intent(in) :: compliance(:, :), gap(:), depth
@@ -63,6 +67,8 @@ contains
       !> Forces into the material, mN.
       real(wp), intent(out) :: force(:)
       type(error_type), allocatable, intent(out) :: error
+      !> Derivatives of the forces by the depth, mN/um.
+      real(wp), intent(out), optional :: rate(:)
       real(wp), allocatable :: a(:, :), b(:, :), clearance(:)
       integer, allocatable :: set(:)
       logical, allocatable :: wrong(:)
@@ -74,11 +80,15 @@ contains
          force = 0.0_wp
          if (size(set) > 0) then
             a = compliance(set, set)
-            b = reshape(depth - gap(set), [size(set), 1])
+            b = reshape(depth - gap(set), [size(set), 2], [1.0_wp])
             call cholesky_factor(a, error)
             if (allocated(error)) return
             call cholesky_solve(a, b)
             force(set) = b(:, 1)
+            if (present(rate)) then
+               rate = 0.0_wp
+               rate(set) = b(:, 2)
+            end if
          end if
          clearance = gap - depth + matmul(compliance(:, set), force(set))
          wrong = (active .and. force < 0.0_wp) &
@@ -142,7 +152,7 @@ contains
       !> Normal displacements of the contact nodes by unit normal forces, um/mN; nodal forces into
       !> the material, mN (contact nodes, depths); values of the matrix, mN/um; displacement of
       !> every node, um (3, nodes).
-      real(wp), allocatable :: compliance(:, :), forces(:, :), values(:), u(:, :)
+      real(wp), allocatable :: compliance(:, :), forces(:, :), rates(:, :), values(:), u(:, :, :)
       real(wp) :: reaction_force(3), total, start
       integer :: n, depths
 
@@ -156,7 +166,7 @@ contains
             & 'the matrix of '//to_text(grid%assembly%unknowns)//' unknowns', error)
          if (allocated(error)) exit solve
          allocate (values(size(grid%assembly%row)), compliance(n, n), forces(n, depths), &
-            & u(3, size(grid%mesh%x, 2)))
+            & rates(n, depths))
          call assemble(grid%mesh, grid%assembly, formulation, c, values, error)
          if (allocated(error)) exit solve
          start = omp_get_wtime()
@@ -168,11 +178,12 @@ contains
          call solve_depths()
          if (allocated(error)) exit solve
          if (field_step > 0) then
-            call solve_displacement(forces(:, field_step))
-            curve%displacement = u
+            call solve_displacements(grid, factor, values, forces(:, field_step:field_step), 3, u)
+            curve%displacement = u(:, :, 1)
          end if
-         if (field_step /= depths) call solve_displacement(forces(:, depths))
-         call reaction(grid%mesh, formulation, c, u, reaction_force)
+         call solve_displacements(grid, factor, values, forces(:, depths:), 3, u)
+         call reaction(grid%mesh, formulation, c, u(:, :, 1), reaction_force)
+         if (allocated(curve%weight)) call differentiate()
          total = sum(forces(:, depths))
          curve%equilibrium_residual = maxval(abs(reaction_force - [0.0_wp, 0.0_wp, total]))/total
       end block solve
@@ -192,7 +203,8 @@ contains
          curve%contact_radius = curve%force
          active = grid%gap < 0.5_wp*curve%depth(1)
          do i = 1, size(curve%depth)
-            call solve_contact(compliance, grid%gap, curve%depth(i), active, forces(:, i), error)
+            call solve_contact(compliance, grid%gap, curve%depth(i), active, forces(:, i), error, &
+               & rates(:, i))
             if (allocated(error)) return
             if (any(active .and. at_edge)) then
                curve%left_zone = i
@@ -208,29 +220,64 @@ contains
          end do
       end subroutine solve_depths
 
-      !> Displacement of every node under the forces of the contact nodes. The factor is of single
-      !> precision; the solution is refined until the residual is a small share of the largest
-      !> force.
-      subroutine solve_displacement(force)
-         !> Forces into the material, mN (contact nodes).
-         real(wp), intent(in) :: force(:)
-         integer, parameter :: most_refinements = 3
-         real(wp), parameter :: small_share = 1.0e-9_wp
-         real(wp), allocatable :: x(:), residual(:)
+      !> Derivative of the modulus, by the adjoint of the contact. For a change dF of the compliance
+      !> the forces f change by -F⁻¹ dF f, and their sum by -rᵀ dF f, r the rate of f by the depth:
+      !> by uᵀ dK v with the displacements u and v under r and f. Nodes at the edge have no force,
+      !> so those that come into contact do not count.
+      subroutine differentiate()
+         real(wp), allocatable :: v(:, :, :)
+         real(wp) :: factor_error
+         integer, allocatable :: used(:)
          integer :: i
 
-         allocate (x(grid%assembly%unknowns), residual(grid%assembly%unknowns), source=0.0_wp)
-         do i = 0, most_refinements
-            if (i > 0) residual = -product_with(grid%assembly, values, x)
-            associate (normal => residual(size(x) - n + 1:))
-               normal = normal - force
-            end associate
-            if (maxval(abs(residual)) <= small_share*maxval(abs(force))) exit
-            call solve_factored(grid%cholesky%handle, factor, residual)
-            x = x + residual
+         used = pack([(i, i=1, depths)], abs(curve%weight) > 0.0_wp)
+         call solve_displacements(grid, factor, values, rates(:, used), 0, u)
+         call solve_displacements(grid, factor, values, forces(:, used), 0, v)
+         do i = 1, size(used)
+            v(:, :, i) = curve%weight(used(i))*v(:, :, i)
          end do
-         call expand_displacement(grid%mesh, grid%assembly, x, u)
-      end subroutine solve_displacement
+         allocate (curve%by_material, mold=c)
+         call energy_by_stiffness(grid%mesh, formulation, c, u, v, curve%by_material)
+         ! The forces of the contact have the precision of the factor. This factor, nearly 1, makes
+         ! the derivative exact where all stiffnesses change alike.
+         factor_error = dot_product(curve%weight, curve%force)/sum(curve%by_material*c)
+         curve%by_material = factor_error*curve%by_material
+      end subroutine differentiate
    end subroutine indent_grid
+
+   !> Displacements of every node under forces of the contact nodes. The factor is of single
+   !> precision; up to `most_refinements` times the solutions are refined, until the residuals
+   !> are a small share of the largest force.
+   subroutine solve_displacements(grid, factor, values, force, most_refinements, u)
+      type(grid_type), intent(in) :: grid
+      !> Workspace with the factor; values of the matrix, mN/um.
+      type(c_ptr), intent(in) :: factor
+      real(wp), intent(in) :: values(:)
+      !> Forces into the material, mN (contact nodes, cases); um (3, nodes, cases).
+      real(wp), intent(in) :: force(:, :)
+      integer, intent(in) :: most_refinements
+      real(wp), allocatable, intent(out) :: u(:, :, :)
+      real(wp), parameter :: small_share = 1.0e-9_wp
+      real(wp), allocatable :: x(:, :), residual(:, :)
+      integer :: i, j
+
+      allocate (x(grid%assembly%unknowns, size(force, 2)), source=0.0_wp)
+      allocate (residual, source=x)
+      do i = 0, most_refinements
+         do j = 1, size(force, 2)
+            if (i > 0) residual(:, j) = -product_with(grid%assembly, values, x(:, j))
+         end do
+         associate (normal => residual(size(x, 1) - size(force, 1) + 1:, :))
+            normal = normal - force
+         end associate
+         if (maxval(abs(residual)) <= small_share*maxval(abs(force))) exit
+         call solve_factored(grid%cholesky%handle, factor, size(force, 2), residual)
+         x = x + residual
+      end do
+      allocate (u(3, size(grid%mesh%x, 2), size(force, 2)))
+      do j = 1, size(force, 2)
+         call expand_displacement(grid%mesh, grid%assembly, x(:, j), u(:, :, j))
+      end do
+   end subroutine solve_displacements
 
 end module fe_grid

@@ -5,7 +5,7 @@
 module fe_indentation
    use indenters, only: indenter_type
    use basic_specimen, only: specimen_type
-   use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix
+   use crystal_elasticity, only: bond_matrix, check_stiffness, rotate_stiffness, rotation_matrix
    use errors, only: error_type, locate_error, machine_failure, prefix_error, refuse
    use fe_element, only: brick_full, brick_incompatible, brick_selective
    use fe_grid, only: curve_type, grid_type, indent_grid, new_grid
@@ -56,6 +56,10 @@ module fe_indentation
       !> The estimate of the indentation modulus, GPa, and a diagnostic: from the slope of a line
       !> with intercept.
       real(wp) :: modulus = 0.0_wp, modulus_slope = 0.0_wp
+      !> Derivatives of the modulus: by the stiffness in crystal axes, for small changes of which
+      !> the modulus changes by the sum of their products (6, 6), and by rotations of the crystal
+      !> about the axes of the sample, GPa (3). They are 0 for estimators other than 'curve'.
+      real(wp) :: by_stiffness(6, 6) = 0.0_wp, by_rotation(3) = 0.0_wp
       !> Modulus from each depth alone, GPa; estimate from each mesh alone, GPa, the finest first.
       real(wp), allocatable :: modulus_by_depth(:), modulus_of_mesh(:)
       !> Elements of all solves.
@@ -204,8 +208,8 @@ contains
       integer, intent(in), optional :: field_step
       type(indentation_model_type) :: wider
       type(error_type), allocatable :: obstacle
-      real(wp) :: c(6, 6), zone, moduli(2), start
-      integer :: elements, step
+      real(wp) :: c(6, 6), zone, moduli(2), start, bond(6, 6)
+      integer :: elements, step, i
       logical :: two_meshes
 
       start = omp_get_wtime()
@@ -259,8 +263,31 @@ contains
       result%modulus_by_depth = result%force/model%indenter%unit_force(model%depth)
       result%elements = elements
       result%zone = zone
+      if (allocated(result%by_material)) then
+         associate (by => model%specimen%by_crystal(result%by_material, c))
+            result%by_rotation = [(2.0_wp*sum(by*matmul(rotated_by(i), c)), i=1, 3)]
+            bond = bond_matrix(transpose(rotation_matrix(euler)))
+            result%by_stiffness = matmul(transpose(bond), matmul(by, bond))
+         end associate
+      end if
       result%seconds = omp_get_wtime() - start
    end subroutine simulate_indentation
+
+   !> Derivative of the Bond matrix of a rotation by its angle about an axis of the sample.
+   pure function rotated_by(axis)
+      integer, intent(in) :: axis
+      real(wp) :: rotated_by(6, 6), turn(3, 3), unit(3, 3)
+      integer :: i, j
+
+      i = 1 + mod(axis, 3)
+      j = 1 + mod(i, 3)
+      unit = rotation_matrix([0.0_wp, 0.0_wp, 0.0_wp])
+      turn = 0.0_wp
+      turn(j, i) = 1.0_wp
+      turn(i, j) = -1.0_wp
+      ! The Bond matrix is of degree two, for which this difference is exact.
+      rotated_by = 0.5_wp*(bond_matrix(unit + turn) - bond_matrix(unit - turn))
+   end function rotated_by
 
    !> Compute the curve, and extrapolate it if two meshes are requested.
    subroutine simulate_depths(model, c, two_meshes, field_step, result, error)
@@ -275,6 +302,11 @@ contains
 
       result%elements = model%elements
       result%depth = [model%depth, model%window]
+      if (size(model%window) == 0) then
+         result%weight = model%indenter%unit_force(model%depth)
+         where (.not. is_resolved(model)) result%weight = 0.0_wp
+         result%weight = result%weight/sum(result%weight**2)
+      end if
       call indent_grid(model%grid(1), model%formulation, model%specimen%materials(c), field_step, &
          & result%curve_type, error)
       if (allocated(error)) return
@@ -300,6 +332,7 @@ contains
          real(wp) :: ratio
 
          other%depth = result%depth
+         if (allocated(result%weight)) other%weight = result%weight
          call indent_grid(grid, model%formulation, model%specimen%materials(c), 0, other, error)
          result%left_zone = other%left_zone
          if (allocated(error)) return
@@ -308,6 +341,10 @@ contains
          result%modulus_of_mesh = [result%modulus_of_mesh, modulus_of(model, other)]
          ratio = (grid%mesh%element_size/model%grid(1)%mesh%element_size)**2
          result%force = result%force + (result%force - other%force)/(ratio - 1.0_wp)
+         if (allocated(result%weight)) then
+            result%by_material = result%by_material &
+               & + (result%by_material - other%by_material)/(ratio - 1.0_wp)
+         end if
          result%seconds_factor = result%seconds_factor + other%seconds_factor
          result%contact_residual = max(result%contact_residual, other%contact_residual)
          result%equilibrium_residual = max(result%equilibrium_residual, other%equilibrium_residual)

@@ -61,10 +61,12 @@ module sparse_cholesky
          type(c_ptr), value :: analysis, workspace
          real(c_double), intent(out) :: factor(*)
       end subroutine retained_factor
-      !> Overwrite the right-hand side x (unknowns) with the solution.
-      subroutine solve_factored(analysis, workspace, x) bind(c, name='bayesindent_cholesky_solve')
+      !> Overwrite the right-hand sides x (unknowns, count) with the solutions.
+      subroutine solve_factored(analysis, workspace, count, x) &
+         & bind(c, name='bayesindent_cholesky_solve')
          import
          type(c_ptr), value :: analysis, workspace
+         integer(c_int32_t), value :: count
          real(c_double), intent(inout) :: x(*)
       end subroutine solve_factored
    end interface

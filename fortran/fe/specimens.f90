@@ -6,7 +6,8 @@
 module specimens
    use basic_specimen, only: core_of_contact, fineness, graded_layers, halfspace_name, &
       & layers_of_ratio, mesh_plan_type, mesh_stage_type, require, specimen_type
-   use crystal_elasticity, only: averages_type, isotropic_stiffness, polycrystal_averages
+   use crystal_elasticity, only: averages_type, compliance, isotropic_stiffness, &
+      & polycrystal_averages
    use errors, only: error_type, locate_error, refuse
    use indenters, only: indenter_type, new_indenter
    use kinds, only: wp
@@ -49,7 +50,7 @@ module specimens
       real(wp) :: radius = 0.0_wp
    contains
       procedure :: set_up => grain_set_up, check_sizes => grain_check_sizes, plan => grain_plan, &
-         & materials => grain_materials
+         & materials => grain_materials, by_crystal => grain_by_crystal
    end type grain_specimen_type
 
    !> Least size of the boundary relative to the box under the contact.
@@ -218,4 +219,33 @@ contains
       matrix = polycrystal_averages(crystal)
       c(:, :, 2) = isotropic_stiffness(matrix%young, matrix%poisson)
    end function grain_materials
+
+   !> The stiffness of the polycrystal follows that of the grain.
+   pure function grain_by_crystal(self, by_material, crystal) result(by)
+      class(grain_specimen_type), intent(in) :: self
+      !> As in `by_crystal` of the basic specimen.
+      real(wp), intent(in) :: by_material(:, :, :), crystal(6, 6)
+      !> Stiffnesses of unit bulk modulus and of unit shear modulus, and the mean over both of
+      !> Voigt's and Reuss' derivative of these moduli (see `polycrystal_averages`).
+      real(wp), dimension(6, 6) :: by, s, volume, shape, bulk, shear
+      integer :: i
+
+      by = by_material(:, :, 1)
+      if (self%young > 0.0_wp) return
+      volume = 0.0_wp
+      volume(:3, :3) = 1.0_wp
+      shape = -2.0_wp/3.0_wp*volume
+      do i = 1, 3
+         shape(i, i) = 4.0_wp/3.0_wp
+         shape(i + 3, i + 3) = 1.0_wp
+      end do
+      s = compliance(crystal)
+      bulk = matmul(s, matmul(volume, s))/sum(volume*s)**2 + volume/9.0_wp
+      shear = 5.0_wp*matmul(s, matmul(shape, s))/sum(shape*s)**2 + shape/20.0_wp
+      do i = 4, 6
+         shear(i, i) = shear(i, i) + 0.15_wp
+      end do
+      by = by + 0.5_wp*(bulk*sum(by_material(:, :, 2)*volume) &
+         & + shear*sum(by_material(:, :, 2)*shape))
+   end function grain_by_crystal
 end module specimens

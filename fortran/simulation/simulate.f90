@@ -40,6 +40,9 @@ module simulate
       integer :: elements = 0
       !> The curve, um and mN; empty for the theory.
       real(wp), allocatable :: depth(:), force(:)
+      !> Derivatives of the modulus by C11, C12, .. C66 in crystal axes, the 21 of a triclinic
+      !> crystal; empty if they are unknown.
+      real(wp), allocatable :: by_stiffness(:)
       !> Why the simulation failed.
       character(len=:), allocatable :: message
    end type outcome_type
@@ -143,10 +146,12 @@ contains
       type(indentation_result_type) :: result
       type(halfspace_type) :: theory
       real(wp) :: start
+      integer :: i, j
 
       start = omp_get_wtime()
       outcome%depth = [real(wp) ::]
       outcome%force = [real(wp) ::]
+      outcome%by_stiffness = [real(wp) ::]
       outcome%message = ''
       if (.not. allocated(self%model)) then
          call halfspace_modulus(stiffness, euler, theory, error)
@@ -158,6 +163,10 @@ contains
             outcome%elements = result%elements
             outcome%depth = result%depth
             outcome%force = result%force
+            if (allocated(result%by_material)) then
+               outcome%by_stiffness = [((merge(1.0_wp, 2.0_wp, i == j)*result%by_stiffness(i, j), &
+                  & j=i, 6), i=1, 6)]
+            end if
          end if
       end if
       outcome%seconds = omp_get_wtime() - start

@@ -179,11 +179,11 @@ contains
       call store%open(path, theory, error)
       call store%file%close()
       call database%open(path, error)
-      call database%run('PRAGMA user_version = 3', error)
+      call database%run('PRAGMA user_version = 4', error)
       call database%close()
       call store%open(path, theory, error)
       call check_refused('another format', error, &
-         & path//': is a campaign of format 3, not 2; move it away to start a new one')
+         & path//': is a campaign of format 4, not 3; move it away to start a new one')
       call store%open('test_campaign', theory, error)
       call check_refused('a folder', error, &
          & 'test_campaign: the campaign cannot be used: unable to open database file')

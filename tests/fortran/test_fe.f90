@@ -407,9 +407,7 @@ contains
          end do
       end do
       b = matmul(dense, x)
-      do j = 1, 2
-         call solve_factored(cholesky%handle, factor, b(:, j))
-      end do
+      call solve_factored(cholesky%handle, factor, 2, b)
       ! The factor is of single precision.
       call check('solution of two right-hand sides', maxval(abs(b - x)) < 1.0e-5_wp, &
          & to_text(maxval(abs(b - x))))

@@ -120,6 +120,42 @@ def test_rows_come_back_to_the_last_bit(tmp_path):
     assert again["results"] == document["results"]
 
 
+def test_derivatives_are_kept(tmp_path):
+    """Those of a simulation, and none where it states none."""
+    points, derivatives = crystals(3), [[*np.linspace(-0.1, 1 / 3, 21)], []]
+    given = iter(derivatives)
+
+    def simulate(job):
+        return {"modulus_gpa": 100.0, "modulus_by_stiffness": next(given)}
+
+    simulated(tmp_path, points[:2], simulate, "fe")
+    with closing(sqlite3.connect(tmp_path / "campaign.sqlite")) as file:
+        texts = file.execute("SELECT modulus_by_stiffness FROM simulation ORDER BY position")
+        assert texts.fetchall() == [(json.dumps(derivatives[0]),), (None,)]
+    assert simulated(tmp_path, points[:2], None, "fe")["new_simulations"] == 0
+    given = iter([[1.0, 2.0]])
+    simulated(tmp_path, points, simulate, "fe")
+    with pytest.raises(bi.InputError, match="the row of position 2 was changed"):
+        simulated(tmp_path, points, None, "fe")
+
+
+def test_a_campaign_of_the_version_before_is_continued(tmp_path):
+    """Its simulations have no derivatives; what it has stays as it is."""
+    points = crystals(8)
+    before = simulated(tmp_path, points[:6])["results"]
+    path = tmp_path / "campaign.sqlite"
+    with closing(sqlite3.connect(path)) as file:
+        file.execute("ALTER TABLE simulation DROP COLUMN modulus_by_stiffness")
+        file.execute("PRAGMA user_version = 2")
+        file.commit()
+    document = simulated(tmp_path, points)
+    assert document["new_simulations"] == 2
+    assert document["results"][:6] == before
+    with closing(sqlite3.connect(path)) as file:
+        assert file.execute("PRAGMA user_version").fetchone() == (3,)
+        assert file.execute("SELECT count(modulus_by_stiffness) FROM simulation").fetchone() == (0,)
+
+
 @pytest.mark.long
 def test_many_rows_are_found(tmp_path):
     path = tmp_path / "campaign.sqlite"

@@ -41,7 +41,11 @@ class IndentationResult:
     4/3 M sqrt(R) h^1.5 under a paraboloid, by least squares through the origin over the depths
     whose contact is resolved. `modulus_by_depth_gpa` has the modulus of each depth alone,
     `modulus_slope_gpa` that of a line with intercept, and `modulus_of_mesh_gpa` that of each mesh,
-    the finest first. Residuals are relative. `warning` names the error of the mesh if it is large.
+    the finest first. `modulus_by_stiffness` (6, 6) has the derivatives of the indentation modulus:
+    a small change of the stiffness in crystal axes changes it by the sum of their products, and a
+    small turn of the crystal about the axes of the sample by `modulus_by_rotation_gpa` (3,) a
+    radian. Both are 0 if the estimator is not 'curve'. Residuals are relative. `warning` names the
+    error of the mesh if it is large.
 
     Examples
     --------
@@ -65,6 +69,8 @@ class IndentationResult:
     seconds_factor: float
     contact_residual: float
     equilibrium_residual: float
+    modulus_by_stiffness: np.ndarray
+    modulus_by_rotation_gpa: np.ndarray
     warning: str
 
 

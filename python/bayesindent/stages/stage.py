@@ -28,6 +28,7 @@ OUTCOME_DEFAULTS = {
     "elements": 0,
     "depth_um": [],
     "force_mn": [],
+    "modulus_by_stiffness": [],
     "message": "",
 }
 
