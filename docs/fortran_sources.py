@@ -4,10 +4,10 @@ fortran/NAME with what they make public. `operations`: the operations of the fac
 
 from pathlib import Path
 
-import arguments
-import operations
 from docutils import nodes
 from docutils.parsers.rst import Directive
+
+from tools import arguments, operations
 
 FORTRAN = Path(__file__).parents[1] / "fortran"
 

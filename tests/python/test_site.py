@@ -9,11 +9,16 @@ from tools import docs, house
 
 
 def test_the_site_builds_without_a_warning(tmp_path):
-    for needed in ("sphinx", "myst_parser", "furo"):
+    for needed in ("sphinx", "myst_parser", "furo", "sphinx_gallery"):
         pytest.importorskip(needed)
-    done = docs.build(tmp_path, capture_output=True, text=True)
+    done = docs.build(tmp_path, False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "searchindex.js").exists()
+    # Each script of the gallery has a page with the script and a notebook.
+    for script in (SOURCE / "docs" / "gallery").glob("*.py"):
+        assert (tmp_path / "examples" / f"{script.stem}.html").exists()
+        for suffix in (".py", ".ipynb"):
+            assert list((tmp_path / "_downloads").rglob(script.stem + suffix))
 
 
 def test_the_map_has_every_folder_and_points_down(tmp_path):
