@@ -3,6 +3,7 @@ Python.
 """
 
 import logging
+import warnings
 from pathlib import Path
 
 from bayesindent.version import __version__
@@ -16,6 +17,9 @@ for library in ("arviz", "fontTools"):
     logging.getLogger(library).setLevel(logging.WARNING)
 house.draw(ROOT, ROOT / "docs" / "figures" / "house.svg")
 
+# Warnings of scripts of the gallery would name files of this machine.
+warnings.simplefilter("ignore", UserWarning)
+
 project = "bayesindent"
 author = "The bayesindent developers"
 version = release = __version__
@@ -27,6 +31,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx_gallery.gen_gallery",
+    "warning_list",
 ]
 myst_enable_extensions = ["attrs_inline", "deflist", "dollarmath"]
 myst_heading_anchors = 3

@@ -5,6 +5,7 @@ import re
 import pytest
 
 from benchmarks import bench_simulate
+from support.diagnostics import ROWS, filled
 from support.tree import SOURCE
 
 PAGES = [*sorted(SOURCE.glob("*.md")), *sorted((SOURCE / "docs").rglob("*.md"))]
@@ -105,3 +106,16 @@ def test_every_folder_of_the_core_is_in_the_architecture():
     text = (SOURCE / "docs" / "architecture.md").read_text()
     for folder in sorted(path for path in (SOURCE / "fortran").iterdir() if path.is_dir()):
         assert f"| `fortran/{folder.name}/` |" in text, folder.name
+
+
+def test_every_diagnostic_has_an_example(monkeypatch):
+    """For the page on what can go wrong."""
+    monkeypatch.syspath_prepend(SOURCE / "docs")
+    from warning_examples import EXAMPLES
+
+    assert {*EXAMPLES} == {*ROWS}
+    for code, (done, subject, numbers) in EXAMPLES.items():
+        names = [name for name in ROWS[code]["numbers"].split(", ") if name]
+        text = filled(code, subject, dict(zip(names, numbers, strict=True)))["text"]
+        assert done.endswith(".") and text
+        assert bool(subject) == ("{subject" in ROWS[code]["sentence"] + ROWS[code]["remedy"]), code

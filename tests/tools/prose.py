@@ -4,7 +4,6 @@ term.
 
 import re
 from collections.abc import Mapping
-from math import ceil
 from pathlib import Path
 from statistics import median
 
@@ -12,9 +11,9 @@ from tools import lines
 
 #: Limits of README.md: its words, the words of its longest sentence, and of its median sentence.
 README_WORDS, LONGEST, MIDDLE = (500, 700), 30, 15
-#: Limits of all pages of users together: words, words of the median sentence, and of 90 % of the
-#: sentences.
-PAGES_WORDS, PAGES_MIDDLE, PAGES_MOST = 22800, 17, 30
+#: Limits of the pages of users: words of all, words of one, words of the median sentence and of
+#: the longest one.
+PAGES_WORDS, PAGE_WORDS, PAGES_MIDDLE, PAGES_LONGEST = 20000, 2000, 17, 30
 
 #: Phrases (patterns), and the terms to write instead.
 PHRASES = {
@@ -110,14 +109,12 @@ def of_pages(texts: dict[str, str]) -> list[str]:
             f"pages of users: the median sentence has {middle:g} words; allowed {PAGES_MIDDLE}; "
             f"most in {worst(medians)}"
         )
-    if (most := every[ceil(0.9 * len(every)) - 1]) > PAGES_MOST:
-        long = {}
-        for name, of_page in lengths.items():
-            long[name] = sum(n > PAGES_MOST for n in of_page)
-        found.append(
-            f"pages of users: 90 % of the sentences have up to {most} words; allowed "
-            f"{PAGES_MOST}; longer ones: {worst(long)}"
-        )
+    for name, count in counts.items():
+        if count > PAGE_WORDS:
+            found.append(f"{name}: {count} words; allowed {PAGE_WORDS}")
+        long = sum(n > PAGES_LONGEST for n in lengths[name])
+        if long:
+            found.append(f"{name}: {long} sentences of more than {PAGES_LONGEST} words")
     return found
 
 
