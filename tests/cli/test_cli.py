@@ -76,7 +76,7 @@ def test_completes_words_in_bash(process, typed, completed):
 def test_version(process):
     done = process("--version")
     assert done.returncode == 0
-    assert done.stdout.startswith("bayesindent 0.")
+    assert done.stdout.startswith("bayesindent 1.")
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ TOOLS = {
     "docs": "the documentation as a site in build-docs/",
     "lines": "tokens by folder, packed code, and the largest parts",
     "lint": "formatters, linters, type checker and the rules of prose",
+    "release": "everything that a release consists of, made and checked",
     "wheel": "portable wheels, their trial on a bare system, and exact versions of packages",
 }
 

@@ -74,20 +74,9 @@ def main(argv=None) -> int:
         return 0
     if arguments.tried:
         return bare_system.try_wheel(arguments.tried, arguments.system)
-    DIST.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
         for number, python in enumerate(arguments.pythons):
-            each = Path(folder, str(number))
-            subprocess.run([python, "-m", "venv", each], check=True)
-            subprocess.run([each / "bin" / "pip", "install", "--quiet", "build"], check=True)
-            plain = built(each, Path(folder, "any"))
-            wide = built(
-                each,
-                Path(folder, "wide"),
-                "fortran_args=-march=x86-64-v3",
-                "cpp_args=-march=x86-64-v3",
-            )
-            wheel = Path(shutil.copy(repaired(merged(plain, wide, each), each), DIST))
+            wheel = make(python, Path(folder, str(number)), ROOT)
             print(
                 f"{wheel.relative_to(ROOT)}: {installed_size(wheel) / 1e6:.1f} MB installed",
                 flush=True,
@@ -95,9 +84,24 @@ def main(argv=None) -> int:
     return 0
 
 
-def built(environment: Path, folder: Path, *options: str) -> Path:
-    """The wheel of an environment's Python as `python -m build` makes it, with options of meson; it
-    needs the libraries of this machine.
+def make(python: str, folder: Path, source: Path) -> Path:
+    """Make the wheel of an interpreter from a source tree, in a new folder; it is put into dist/.
+    What does not depend on Python stays beside the folder.
+    """
+    DIST.mkdir(exist_ok=True)
+    subprocess.run([python, "-m", "venv", folder], check=True)
+    subprocess.run([folder / "bin" / "pip", "install", "--quiet", "build"], check=True)
+    march = "-march=x86-64-v3"
+    plain = built(folder, folder.parent / "any", source)
+    wide = built(
+        folder, folder.parent / "wide", source, f"fortran_args={march}", f"cpp_args={march}"
+    )
+    return Path(shutil.copy(repaired(merged(plain, wide, folder), folder), DIST))
+
+
+def built(environment: Path, folder: Path, source: Path, *options: str) -> Path:
+    """The wheel of an environment's Python as `python -m build` makes it of a source tree, with
+    options of meson; it needs the libraries of this machine.
 
     What does not depend on Python stays in the folder for the next one.
     """
@@ -109,7 +113,7 @@ def built(environment: Path, folder: Path, *options: str) -> Path:
         "--wheel",
         "--outdir",
         out,
-        ROOT,
+        source,
         f"-Cbuild-dir={folder}",
     ]
     subprocess.run([*command, *(f"-Csetup-args=-D{option}" for option in options)], check=True)
