@@ -82,8 +82,7 @@ def make(gallery: bool) -> list[Path]:
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     sources = DIST / f"bayesindent-{version()}.tar.gz"
     with tempfile.TemporaryDirectory() as folder:
-        with tarfile.open(sources) as archive:
-            archive.extractall(folder, filter="data")
+        subprocess.run(["tar", "--extract", "--file", sources, "--directory", folder], check=True)
         made = wheel.make(sys.executable, Path(folder, "wheel"), next(Path(folder).iterdir()))
     if docs.build(docs.SITE, gallery).returncode:
         sys.exit("the documentation cannot be built")

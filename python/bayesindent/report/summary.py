@@ -1,5 +1,7 @@
 """Texts on a result: its constants, whether they can be used, and advice."""
 
+import re
+
 from ..common.diagnostics import is_unusable
 from .formatting import enumeration, median_and_range, plus_minus, subscript
 from .results import Results
@@ -46,7 +48,10 @@ def advice(results: Results) -> dict[str, list[str]]:
             line = "; ".join(parts)
             if remedy not in parts:
                 line += f". {remedy}"
-            found.setdefault(heading, []).append(line[:1].upper() + line[1:].rstrip(".") + ".")
+            # Names such as bulk_modulus stay as they are.
+            if not re.match(r"\w*[_\[]", line):
+                line = line[:1].upper() + line[1:]
+            found.setdefault(heading, []).append(line.rstrip(".") + ".")
     return found
 
 

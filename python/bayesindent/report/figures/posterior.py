@@ -78,7 +78,7 @@ def pairs(results: Results) -> Picture:
         if i < j:
             cell.axis("off")
             text = f"{correlation[i, j]:+.2f}".replace("-", "−")
-            cell.text(0.5, 0.5, text, ha="center", va="center", size=11, color="#555555")
+            cell.text(0.5, 0.5, text, ha="center", va="center", size="large", color="#555555")
             continue
         cell.set(xlabel=labels[j], ylabel=labels[i] * (j < i))
         cell.tick_params(axis="x", rotation=45)
@@ -102,10 +102,14 @@ def pairs(results: Results) -> Picture:
 
 
 def grain_comparison(results: Results) -> Picture:
-    """Measured against predicted moduli."""
-    return compared(
-        [] if results.without_orientations else results.predicted, results.kind, "GPa", "grains"
-    )
+    """Measured against predicted moduli, without the factor that all grains share, and with their
+    inferred scatter in the sds.
+    """
+    grains = [] if results.without_orientations else results.predicted
+    factors = (results.extracted.get("laboratory") or {}).get("log_factor", [])
+    scatter = results.extracted.get("parameters", {}).get("scatter", {}).get("mean", 0.0)
+    shared = len(factors) == 1 and factors[0]["prior_sd"] > 0
+    return compared(grains, results.kind, "GPa", "grains", scatter=scatter, shared=shared)
 
 
 def velocities(results: Results) -> Picture:
@@ -120,12 +124,26 @@ def numbers_of(item: dict) -> list[float]:
     return [item.get(name) or 0.0 for name in ("measured", "measured_sd", "mean", "sd")]
 
 
-def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "") -> Picture:
-    """Measured against predicted values, and the residuals, in units of the stated sd where there
-    is one.
+def compared(
+    items: list[dict],
+    quantity: str,
+    unit: str,
+    of: str,
+    more: str = "",
+    scatter: float = 0.0,
+    shared: bool = False,
+) -> Picture:
+    """Measured against predicted values, and the residuals, in units of the sd where one is stated.
+    A relative `scatter` is part of it; a `shared` factor of all values is taken out.
     """
     measured, error, mean, sd = np.array(list(map(numbers_of, present(items)))).T
     stated = bool(np.all(error > 0))
+    if stated:
+        error = np.hypot(error, scatter * mean)
+    if stated and shared:
+        factor = np.sum(measured * mean / error**2) / np.sum((mean / error) ** 2)
+        mean, sd = factor * mean, np.zeros_like(sd)
+        more += f" Predictions are times {factor:.3g}, the factor that all share."
     residual = (measured - mean) / (error if stated else 1.0)
     labels = (
         f"predicted {quantity} ({unit})",
@@ -139,7 +157,7 @@ def compared(items: list[dict], quantity: str, unit: str, of: str, more: str = "
             str(index + 1), (mean[index], residual[index]), (4, 3), textcoords="offset points"
         )
     bands = (
-        " in units of the stated sd, with bands of 1 and 2 sd; rows of the measurements beyond "
+        " in units of the sd, with bands of 1 and 2 sd; rows of the measurements beyond "
         "2 sd are numbered"
     )
     return Picture(
