@@ -11,9 +11,6 @@
 #include <cmath>
 #include <cstdlib>
 #include <new>
-#ifdef __GLIBC__
-#include <malloc.h>
-#endif
 
 // Procedures of BLAS and LAPACK for the factorisation.
 extern "C" {
@@ -28,6 +25,7 @@ void sgemm_(const char *, const char *, const int *, const int *, const int *, c
             const int *);
 void openblas_set_num_threads(int) __attribute__((weak));
 std::int32_t bayesindent_reserve_blas(std::int32_t callers);
+void bayesindent_return_memory();
 }
 
 using namespace bayesindent;
@@ -139,10 +137,8 @@ void *bayesindent_cholesky_new(integer n, const integer *column_start, const int
   } catch (...) {
     *outcome = internal;
   }
-#ifdef __GLIBC__
-  // Returns free memory to the system: an analysis needs much for a short time.
-  malloc_trim(0);
-#endif
+  // An analysis needs much memory for a short time.
+  bayesindent_return_memory();
   return made;
 }
 

@@ -12,6 +12,9 @@
 #include <fstream>
 #include <glob.h>
 #include <limits>
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
 #include <memory>
 #include <mutex>
 #include <sstream>
@@ -204,6 +207,13 @@ std::int32_t bayesindent_reserve_blas(std::int32_t callers) {
   for (void *const buffer : buffers)
     blas_memory_free(buffer);
   return reserved = static_cast<std::int32_t>(buffers.size());
+}
+
+// Return free memory to the system, where that can be asked for.
+void bayesindent_return_memory() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
 }
 
 // The folder of the package's data, with a trailing slash: BAYESINDENT_DATA; or, relative to this

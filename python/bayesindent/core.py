@@ -190,6 +190,13 @@ LONG = {
 }
 
 
+def cores() -> int:
+    """The number of cores that this process may use, or of all where the system does not say."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
 def call(operation: str, handle: int = 0, /, **values: Any) -> dict:
     """Perform an operation of the core, 'KIND.VERB', and return its named results. `handle` is that
     of the object it works on. Errors become exceptions.

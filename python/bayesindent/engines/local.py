@@ -2,11 +2,12 @@
 loop that all engines share.
 """
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from functools import partial
 from itertools import islice
+
+from ..core import cores
 
 
 def complete(
@@ -43,7 +44,7 @@ class LocalEngine:
     """At most `workers` jobs at a time (0: the cores that this process may use)."""
 
     def __init__(self, workers: int = 0):
-        self.workers = workers or len(os.sched_getaffinity(0))
+        self.workers = workers or cores()
 
     def map(self, job: Callable, items: Sequence, collect: Callable[[int, object], None]) -> None:
         """Call job(item) for all items, see `complete`."""

@@ -3,12 +3,12 @@ for crystals.
 """
 
 import argparse
-import os
 import shutil
 import sys
 from pathlib import Path
 
 from ...common.diagnostics import diagnostic
+from ...core import cores
 from ...settings.problem import Problem, read_crystals, schema
 from ...surrogate.surrogate import Surrogate
 from ..command import Command, output_folder, show_table
@@ -122,7 +122,7 @@ def predict(arguments: argparse.Namespace) -> dict:
     """Write mean and sd of the modulus for each row to predictions.csv."""
     model, table = Surrogate.load(arguments.surrogate), arguments.points
     points = read_crystals(table, arguments.symmetry or model.symmetry)
-    mean, sd, outside = model.predict_table(points, len(os.sched_getaffinity(0)))
+    mean, sd, outside = model.predict_table(points, cores())
     file = output_folder(arguments, table) / "predictions.csv"
     points.write(file, {"modulus_gpa": mean, "sd_gpa": sd})
     # The document has the rows only for --json, since they take much more memory than in a file.

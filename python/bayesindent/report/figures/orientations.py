@@ -1,6 +1,5 @@
 """The modulus, and the gain of one more grain, over the distinct directions of the crystal."""
 
-import os
 from itertools import product
 from typing import Any
 
@@ -8,6 +7,7 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.tri import Triangulation
 
+from ...core import cores
 from ...crystal.directions import (
     euler_of,
     indentation_direction,
@@ -29,7 +29,7 @@ def orientations(results: Results) -> Picture:
     if surrogate is None or any("euler_deg" not in item for item in grains):
         raise NothingToShow
     lattice, directions = spread_of_directions(results.symmetry), directions_of(results, grains)
-    crystals, threads = results.draws(DRAWS)[:, None], len(os.sched_getaffinity(0))
+    crystals, threads = results.draws(DRAWS)[:, None], cores()
     modulus = results.as_measured(
         surrogate.predict(crystals, euler_of(lattice), threads=threads)[0]
     )
