@@ -36,7 +36,8 @@ module labelled_values
       !> Position of the next byte to read, and number of the line before it.
       integer, private :: position = 1, line = 0
    contains
-      procedure :: text => exchange_text, lines => exchange_lines, integer => exchange_integer, &
+      procedure :: text => exchange_text, option => exchange_option, lines => exchange_lines, &
+         & integer => exchange_integer, &
          & real => exchange_real, reals => exchange_reals, finish, fail
    end type labelled_values_type
 
@@ -63,6 +64,23 @@ contains
          call append_text(self, label//' '//value//newline)
       end if
    end subroutine exchange_text
+
+   !> Read or write a text that a file does not contain where it has its default value.
+   subroutine exchange_option(self, label, value, default)
+      class(labelled_values_type), intent(inout) :: self
+      !> As in `exchange_text`.
+      character(len=*), intent(in) :: label, default
+      character(len=:), allocatable, intent(inout) :: value
+      logical :: is_default
+
+      if (self%reading) then
+         is_default = index(self%content(self%position:), label//' ') /= 1
+         if (is_default) value = default
+      else
+         is_default = value == default .and. .not. associated(self%described)
+      end if
+      if (.not. is_default) call self%text(label, value)
+   end subroutine exchange_option
 
    !> Read or write a text of any number of lines.
    subroutine exchange_lines(self, label, value)

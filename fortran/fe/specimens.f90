@@ -36,6 +36,8 @@ module specimens
    !> Of the paper's block: layers around the box at refine = 1, and size of the block relative to
    !> the box.
    real(wp), parameter :: paper_layers = 7.0_wp, paper_ratio = 4.8_wp/0.65_wp
+   !> Relative error of C3D8 in these layers at refine = 1 (docs/verification/paper.md).
+   real(wp), parameter :: paper_layers_error = 0.025_wp
    !> Least width of a block in contact radii; least and largest height relative to half the width;
    !> least half-width relative to that of the box under the contact.
    real(wp), parameter :: least_width = 4.0_wp, lowest = 0.25_wp, highest = 4.0_wp, &
@@ -107,6 +109,14 @@ contains
       self%variables = 'width_um, height_um'
       self%parts = 'the specimen'
       if (len(self%element) == 0) self%element = 'c3d8'
+      if (self%element == 'c3d8') then
+         self%layers_error = paper_layers_error
+         if (allocated(settings%simulation%extrapolate)) then
+            if (settings%simulation%extrapolate) call refuse(error, 'C3D8 on a block are not ' &
+               & //'extrapolated: their error follows from the layers, not from the size of the ' &
+               & //'elements; use element = ''c3d8i''', group='simulation', variable='extrapolate')
+         end if
+      end if
       self%element_size = box_width*self%contact_radius/box_cells
       self%width = settings%specimen%width_um
       self%height = settings%specimen%height_um

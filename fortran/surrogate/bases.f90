@@ -58,7 +58,9 @@ contains
 
       if (settings%model == 'paper') call file%text('truncation', settings%truncation)
       if (settings%model /= 'halfspace') call file%integer('degree', settings%degree)
-      if (settings%model == 'paper') call file%integer('bandlimit', settings%bandlimit)
+      if (settings%model /= 'paper') return
+      call file%integer('bandlimit', settings%bandlimit)
+      call file%option('prior_sd', settings%prior_sd, 'equal')
    end subroutine exchange_settings
 
    !> Store the parameters of a basis and its terms as named values.

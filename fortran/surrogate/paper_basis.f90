@@ -55,7 +55,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       !> With more terms the covariance alone would take more than 3 GB.
       real(wp), parameter :: most_terms = 20000.0_wp
-      integer :: n
+      integer :: n, q
       real(wp) :: terms
 
       n = self%domain%class%n_constants
@@ -89,6 +89,13 @@ contains
       ! GPa.
       self%least_noise = 0.05_wp
       self%first_sds = [100.0_wp, 1.0_wp]
+      if (self%settings%prior_sd == 'equal') return
+      ! The degree of the polynomial of the constants; of a function of the orientation alone it is
+      ! 1, and of the mean 0.
+      associate (m => self%harmonics%n, degrees => sum(self%polynomials%degrees, 1))
+         self%prior_degrees = [(spread(max(1, degrees(q)), 1, m), q=1, size(degrees))]
+         self%prior_degrees(1) = 0
+      end associate
    end subroutine set_up
 
    subroutine evaluate_many(self, c, euler, terms, scale, spread)

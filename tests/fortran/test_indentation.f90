@@ -278,6 +278,8 @@ contains
    !> warning.
    subroutine test_resolution()
       type(settings_type) :: settings
+      type(indentation_model_type) :: model
+      type(error_type), allocatable :: error
       real(wp) :: pair(6, 6, 2), coarse(2), fine(2), extrapolated(2), automatic(2), block(2)
       character(len=:), allocatable :: warning
 
@@ -304,10 +306,18 @@ contains
       call check('a finer mesh, extrapolation and the better element promise less', fine(2) &
          & < 0.5_wp*coarse(2) .and. extrapolated(2) < coarse(2) .and. block(2) > 1.5_wp*coarse(2))
       call simulation_error(settings, pair(:, :, :1), block(:1), warning)
-      call check('no warning for copper', warning == '')
+      call check('C3D8 on a block are 2.5 % too stiff', index(warning, 'the C3D8 of a block') == 1 &
+         & .and. index(warning, 'about 3 %') > 0 .and. abs(block(1) - 0.025_wp) < 0.005_wp, warning)
+      settings%simulation%element = 'c3d8i'
+      call simulation_error(settings, pair(:, :, :1), block(:1), warning)
+      call check('no warning for copper with C3D8I', warning == '')
       call simulation_error(settings, pair, block, warning)
       call check('a warning for the other', index(warning, '1 of 2 crystals are so near ' &
          & //'instability') == 1 .and. index(warning, '(rows 2)') > 0, warning)
+      settings%simulation%element = 'c3d8'
+      settings%simulation%extrapolate = .true.
+      call new_indentation_model(settings, model, error)
+      call check_refused('C3D8 on a block are not extrapolated', error, 'use element = ''c3d8i''')
    end subroutine test_resolution
 
    !> What the machine cannot hold is an error of the machine, not of the input.

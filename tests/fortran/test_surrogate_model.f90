@@ -89,6 +89,7 @@ contains
       basis%settings%truncation = truncation
       basis%settings%degree = degree
       basis%settings%bandlimit = bandlimit
+      basis%settings%prior_sd = 'equal'
       call basis%set_up(error)
    end subroutine make_basis
 
@@ -163,9 +164,10 @@ contains
       call make_basis(wide, 'tensor', 2, 4, basis, error)
       call check_refused('no bounds', error, 'needs bounds of all constants')
       call new_basis(domain_of('cubic'), surrogate_settings_type(model='paper', &
-         & truncation='total', degree=3, bandlimit=4, file='', scan=''), other, error)
+         & truncation='total', degree=3, bandlimit=4, file='', scan='', prior_sd='degree'), other, &
+         & error)
       call check('as the settings ask for', other%n_terms == 40 &
-         & .and. .not. allocated(other%prior_degrees))
+         & .and. maxval(other%prior_degrees) == 3 .and. all(other%prior_degrees(:3) == [0, 1, 1]))
    end subroutine test_counts
 
    subroutine test_polynomials()

@@ -353,7 +353,7 @@ def test_more_terms_than_points_under_equal_priors_is_refused(tmp_path):
         bi.InputError, match="&design budget: 16 simulations are fewer than the 54 terms"
     ):
         build(
-            make_problem(tmp_path, surrogate={"model": "'paper'", "degree": 2, "bandlimit": 4}),
+            make_problem(tmp_path, surrogate=PAPER["surrogate"] | {"degree": 2}),
             tmp_path,
         )
     assert (

@@ -9,7 +9,7 @@ import bayesindent as bi
 from bayesindent.program.commands import SUMMARIES
 from support.tree import SOURCE
 
-DEVELOPERS = {"test", "dev"}
+DEVELOPERS = {"reproduce", "test", "dev"}
 
 
 def test_every_command_of_users_is_a_function():

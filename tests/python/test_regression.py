@@ -13,9 +13,11 @@ from bayesindent.surrogate.basis import Basis
 from support.learner import Learner, spread_crystals, spread_of, terms_of, to_modulus, to_y
 from support.paper_domains import DOMAINS
 
-#: The paper's model: 8 products x 2 harmonics; corrections: 29 and 141 terms.
+#: The paper's model with Eq. 6: 8 products x 2 harmonics; corrections: 29 and 141 terms.
 BASES = {
-    "paper": Basis.from_keywords("cubic", DOMAINS["cubic"], model="paper", degree=1, bandlimit=4),
+    "paper": Basis.from_keywords(
+        "cubic", DOMAINS["cubic"], model="paper", degree=1, bandlimit=4, prior_sd="equal"
+    ),
     "small": Basis.from_keywords("cubic", DOMAINS["cubic"], degree=2),
     "large": Basis.from_keywords(degree=3),
 }

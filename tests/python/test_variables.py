@@ -497,6 +497,7 @@ EFFECTS = {
         "degree": (built, {}, 2),
         "bandlimit": (built, PAPER | {"design": {"budget": 20}}, 0),
         "truncation": (built, PAPER | {"design": {"budget": 20}}, "total"),
+        "prior_sd": (built, PAPER | {"design": {"budget": 20}}, "equal"),
         "scan": (built, PAPER | {"design": {"budget": 20}}, "0, 1 x 0, 4"),
     },
     "design": {

@@ -10,11 +10,11 @@ from bayesindent.surrogate.surrogate import Surrogate
 
 __all__ = ["CORRECTION", "PAPER", "make_problem", "numbers_of", "posterior_of", "stored"]
 
-#: The paper's model of cubic crystals, 16 terms; and a correction of all crystals with 29.
+#: The paper's model (Eq. 6) of cubic crystals, 16 terms; a correction of all crystals with 29.
 PAPER = {
     "problem": {"symmetry": "'cubic'"},
     "domain": {"c_min": "50, 40, 15", "c_max": "250, 150, 120", "anisotropy_cap": "7.2"},
-    "surrogate": {"model": "'paper'", "degree": 1, "bandlimit": 4},
+    "surrogate": {"model": "'paper'", "degree": 1, "bandlimit": 4, "prior_sd": "'equal'"},
 }
 CORRECTION = {
     "problem": {"title": "'all crystals'"},

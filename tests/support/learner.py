@@ -61,7 +61,7 @@ def of_tests(basis: Basis) -> _Basis:
             }
         settings = {
             name: facts[name]
-            for name in ("model", "truncation", "degree", "bandlimit")
+            for name in ("model", "truncation", "degree", "bandlimit", "prior_sd")
             if name in facts
         }
         with inside():

@@ -18,7 +18,7 @@ from ..command import Command
 NAMELIST, TABLE = "grains.nml", "grains.csv"
 
 #: Variables of &surrogate that only `build` reads.
-FOR_BUILDING = ("model", "degree", "bandlimit", "truncation", "scan")
+FOR_BUILDING = ("model", "degree", "bandlimit", "truncation", "prior_sd", "scan")
 #: What most people change, in the groups; a list after them explains all other variables.
 FIRST = (
     *("symmetry", "title", "file", "modulus_kind", "technique", "calibration_sd"),

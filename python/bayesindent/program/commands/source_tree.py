@@ -32,4 +32,5 @@ def run(arguments: argparse.Namespace) -> NoReturn:
     os.execve(sys.executable, command, environment)
 
 
-COMMANDS = tuple(Command(name, action=run, arguments=take_all) for name in ("test", "dev"))
+NAMES = ("reproduce", "test", "dev")
+COMMANDS = tuple(Command(name, action=run, arguments=take_all) for name in NAMES)
