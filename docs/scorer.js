@@ -4,7 +4,7 @@ const LATER = [
   [/^verification\//, 4],
   [/^fortran/, 3],
   [/^(start|index)/, 2],
-  [/^(python|namelists)/, 1],
+  [/^(python|namelists|examples)/, 1],
 ];
 // Pages of developers come after others of like score, and later where only their text has the word.
 const DEVELOPERS = /^(architecture|house|decisions|development|contributing)/;

@@ -7,17 +7,21 @@ bulk modulus and the ratio C33/C11 add the rest. The report writes each figure i
 column, with its numbers, tables and a paragraph of methods.
 """
 
-import shutil
+from pathlib import Path
 
 import bayesindent as bi
 
-result = bi.extract(
-    "data/titanium.csv",
-    "hexagonal",
-    technique="exact",
-    knowledge={"bulk_modulus": (107, 3), "C33/C11": (1.11, 0.02)},
-    seed=1,
-)
-bi.report(result, "titanium", paper=True)
+Path("titanium.nml").write_text("""\
+&problem symmetry = 'hexagonal', synthetic = .true. /
+&measurements file = 'data/titanium.csv' /
+&knowledge
+  quantity = 'bulk_modulus', 'C33/C11'
+  mean = 107, 1.11
+  sd = 3, 0.02
+/
+""")
+bi.run("titanium.nml", output="titanium")
+bi.report("titanium", paper=True)
 for name in ("pairs", "orientations"):
-    shutil.copy(f"titanium/paper/figures/{name}.png", f"hexagonal_{name}.png")
+    figure = Path("titanium/paper/figures", f"{name}.png")
+    figure.replace(f"hexagonal_{name}.png")
