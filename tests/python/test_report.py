@@ -391,3 +391,23 @@ def test_zener_ratio_and_compliances_of_copper():
     )
     expected = [s11, -s11 * 121.4 / (168.4 + 121.4), 1000 / 75.4, zener]
     assert [row[1] for row in rows] == [f"{value:.1f} ± 0.0" for value in expected]
+
+
+def test_residuals_leave_out_what_all_grains_share():
+    """Moduli that are 1.2 times the predicted ones, and two that are off by one and two sds."""
+    mean, off = np.array([100.0, 110.0, 120.0, 130.0]), np.array([0.0, 0.0, 1.0, -2.0])
+    measured = 1.2 * mean + 3.0 * off
+    names = ("mean", "measured", "measured_sd")
+    predicted = [dict(zip(names, row)) for row in zip(mean, measured, np.full(4, 3.0))]
+    laboratory = {"log_factor": [{"prior_sd": 0.15}]}
+    found = SimpleNamespace(extracted={"laboratory": laboratory}, predicted=predicted, scatter=0.0)
+    found.shared_factor = Results.shared_factor.func(found)
+    weights = mean / np.sum(mean**2)
+    assert found.shared_factor == pytest.approx(weights @ measured)
+    residuals = [Results.residual(found, item) for item in predicted]
+    assert residuals == pytest.approx((measured - found.shared_factor * mean) / 3.0)
+    # A factor that is known stays, and scatter makes the sds larger.
+    laboratory["log_factor"][0]["prior_sd"] = 0.0
+    assert Results.shared_factor.func(found) == 1.0
+    found.shared_factor, found.scatter = 1.0, 0.04
+    assert Results.residual(found, predicted[0]) == pytest.approx(20.0 / 5.0)

@@ -234,6 +234,29 @@ class Results:
         return found["values"].reshape(np.shape(modulus))
 
     @cached_property
+    def shared_factor(self) -> float:
+        """The factor that the measured moduli share, by least squares; 1 where it is known."""
+        factors = (self.extracted.get("laboratory") or {}).get("log_factor", [])
+        grains = [item for item in self.predicted if item.get("measured_sd")]
+        if len(factors) != 1 or not factors[0]["prior_sd"] or not grains:
+            return 1.0
+        columns = ("measured", "mean", "measured_sd")
+        measured, mean, sd = np.array([[item[name] for name in columns] for item in grains]).T
+        return float(np.sum(measured * mean / sd**2) / np.sum((mean / sd) ** 2))
+
+    @property
+    def scatter(self) -> float:
+        """The inferred relative sd of the scatter between grains; 0 where it is not inferred."""
+        return self.extracted.get("parameters", {}).get("scatter", {}).get("mean", 0.0)
+
+    def residual(self, item: dict) -> float:
+        """Measured minus predicted modulus, with the shared factor, in units of the sd, to which
+        the scatter between grains contributes.
+        """
+        mean = self.shared_factor * item["mean"]
+        return (item["measured"] - mean) / float(np.hypot(item["measured_sd"], self.scatter * mean))
+
+    @cached_property
     def surrogate(self) -> Surrogate | None:
         """The surrogate: in the folder, beside the namelist, or one that comes with the package."""
         held: Any = None
@@ -252,11 +275,6 @@ class Results:
             )
         except InputError:
             return None
-
-
-def residual(item: dict) -> float:
-    """Measured minus predicted in units of the stated sd."""
-    return (item["measured"] - item["mean"]) / item["measured_sd"]
 
 
 def succeeded(simulation: dict) -> bool:

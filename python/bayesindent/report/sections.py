@@ -28,7 +28,7 @@ from .formatting import (  # isort: skip
     subscript,
     suggested_grains,
 )
-from .results import Results, residual
+from .results import Results
 
 #: Draws behind mean and sd of a compliance.
 DRAWS = 4000
@@ -102,13 +102,13 @@ def tables_of_crystal(results: Results) -> dict[str, Table]:
     return {
         "grains": Table(
             f"The {results.kind} of each grain in GPa, measured and as the posterior predicts it "
-            "without the noise; the residual in units of the stated sd",
+            "without the noise; the residual in sds, without the factor that all grains share",
             ["grain", *ANGLES, *COMPARED, "residual"],
             [
                 [
                     *grain_cells(row, item),
                     *compared_cells(item),
-                    number(residual(item) if item.get("measured_sd") else None),
+                    number(results.residual(item) if item.get("measured_sd") else None),
                 ]
                 for row, item in enumerate(results.predicted, start=1)
             ],

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..results import NothingToShow, Results, residual
+from ..results import NothingToShow, Results
 from .style import BLACK, Picture, panels
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ def orientation_map(results: Results) -> Picture:
     problem = results.problem
     if problem is None or problem.map is None:
         raise NothingToShow
-    residuals = [residual(item) for item in results.predicted if item.get("measured_sd")]
+    residuals = [results.residual(item) for item in results.predicted if item.get("measured_sd")]
     return draw_map(
         problem.map,
         problem.measurements.names,

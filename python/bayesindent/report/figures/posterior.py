@@ -106,10 +106,8 @@ def grain_comparison(results: Results) -> Picture:
     inferred scatter in the sds.
     """
     grains = [] if results.without_orientations else results.predicted
-    factors = (results.extracted.get("laboratory") or {}).get("log_factor", [])
-    scatter = results.extracted.get("parameters", {}).get("scatter", {}).get("mean", 0.0)
-    shared = len(factors) == 1 and factors[0]["prior_sd"] > 0
-    return compared(grains, results.kind, "GPa", "grains", scatter=scatter, shared=shared)
+    settings = {"scatter": results.scatter, "factor": results.shared_factor}
+    return compared(grains, results.kind, "GPa", "grains", **settings)
 
 
 def velocities(results: Results) -> Picture:
@@ -131,17 +129,16 @@ def compared(
     of: str,
     more: str = "",
     scatter: float = 0.0,
-    shared: bool = False,
+    factor: float = 1.0,
 ) -> Picture:
     """Measured against predicted values, and the residuals, in units of the sd where one is stated.
-    A relative `scatter` is part of it; a `shared` factor of all values is taken out.
+    A relative `scatter` is part of it; a `factor` that all values share is taken out.
     """
     measured, error, mean, sd = np.array(list(map(numbers_of, present(items)))).T
     stated = bool(np.all(error > 0))
     if stated:
-        error = np.hypot(error, scatter * mean)
-    if stated and shared:
-        factor = np.sum(measured * mean / error**2) / np.sum((mean / error) ** 2)
+        error = np.hypot(error, scatter * factor * mean)
+    if factor != 1.0:
         mean, sd = factor * mean, np.zeros_like(sd)
         more += f" Predictions are times {factor:.3g}, the factor that all share."
     residual = (measured - mean) / (error if stated else 1.0)
