@@ -138,7 +138,7 @@ EXAMPLES: dict[str, tuple[str, str, tuple[float, ...]]] = {
     ),
     "truncated": ("A bound of C11 lies within the posterior.", "upper bound of C11", (250, 12)),
     "knowledge_wrong": (
-        "A bulk modulus of 1650 GPa is stated in place of 165 GPa.",
+        "Copper, whose bulk modulus is 137 GPa, is stated with 300 ± 3.3 GPa between bounds.",
         "bulk_modulus",
         (31, 10),
     ),

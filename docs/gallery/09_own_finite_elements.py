@@ -29,7 +29,7 @@ def simulate(stiffness, euler_deg):
 
 
 surrogate = bi.build("own.nml", "own", simulate=simulate)
-crystals = [bi.stiffness("cubic", c, 0.6 * c, 0.45 * c) for c in np.linspace(110, 220, 12)]
+crystals = [bi.stiffness("cubic", 170, 110, c44) for c44 in np.linspace(30, 110, 12)]
 mean, sd = surrogate.predict(np.array(crystals), np.full((12, 3), 30.0))
 truth = [simulate(crystal, [30.0, 30.0, 30.0]) for crystal in crystals]
 figure, axes = plt.subplots()
