@@ -14,7 +14,7 @@ module campaign
    use crystal_class, only: crystal_class_type, new_crystal_class
    use errors, only: error_type
    use kinds, only: i8, nan, wp
-   use simulate, only: outcome_done, outcome_failed, outcome_type
+   use simulate, only: n_derivatives, outcome_done, outcome_failed, outcome_type
    use text, only: line_type, newline, number_ok, number_text, quoted, read_integer, read_real, &
       & to_text
    implicit none
@@ -74,8 +74,6 @@ module campaign
       & //'''''), NULLIF(?12, 0.0), NULLIF(?13, ''0''), NULLIF(?14, 0.0), ?15, ' &
       & //'strftime(''%Y-%m-%dT%H:%M:%S+00:00'', ''now'')) ON CONFLICT (physics_id, symmetry, ' &
       & //'constants, euler_deg) DO NOTHING'
-   !> Number of derivatives by the stiffness, where there are any.
-   integer, parameter, public :: n_derivatives = 21
    !> Values of the columns origin and status.
    character(len=*), parameter :: simulated = 'simulated', imported = 'told', done = 'done', &
       & failed = 'failed'

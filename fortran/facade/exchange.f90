@@ -14,7 +14,8 @@ module exchange
    use named_values, only: named_values_reader_type, named_values_type
    use machine, only: thread_count
    use problem, only: problem_type
-   use surrogate_model, only: places_type
+   use simulate, only: n_derivatives
+   use surrogate_model, only: places_type, simulations_type, values_alone
    use text, only: to_text
    implicit none
    private
@@ -42,7 +43,7 @@ module exchange
       real(wp), allocatable :: values(:, :)
       type(error_type), allocatable :: error
    contains
-      procedure :: open, give, close, places, threads, crystals, &
+      procedure :: open, give, close, places, threads, crystals, simulations, &
          & refuse => refuse_operation
    end type exchange_type
 
@@ -213,6 +214,19 @@ contains
          if (present(euler_deg)) euler_deg => self%in%columns('euler_deg', 3)
       end if
    end function crystals
+
+   !> Simulated moduli, with their derivatives if the values have them.
+   type(simulations_type) function simulations(self, n_constants)
+      class(exchange_type), intent(inout) :: self
+      !> Of the class of the crystals.
+      integer, intent(in) :: n_constants
+
+      simulations = values_alone(self%in%columns('constants', n_constants), &
+         & self%in%columns('euler_deg', 3), self%in%reals('modulus_gpa'))
+      if (self%in%has('by_stiffness')) then
+         simulations%by_stiffness = self%in%columns('by_stiffness', n_derivatives)
+      end if
+   end function simulations
 
    !> Raise the error of an operation whose name is unknown.
    subroutine refuse_operation(self, operation)

@@ -56,14 +56,13 @@ contains
          end do
          !$omp end parallel do
       case ('fit', 'leave_out')
-         !> constants, euler_deg, modulus_gpa, groups -> handle, values
+         !> constants, euler_deg, modulus_gpa, by_stiffness, groups -> handle, values
          ! Fit the moduli (GPa) of crystals; or predict each of them from those of other groups,
          ! with the error over its sd.
          call new_learner(basis, learner, x%error)
          if (.not. allocated(x%error)) then
-            call add_simulations(learner, &
-               & x%in%columns('constants', basis%domain%class%n_constants), &
-               & x%in%columns('euler_deg', 3), x%in%reals('modulus_gpa'), .true., x%error)
+            call add_simulations(learner, x%simulations(basis%domain%class%n_constants), .true., &
+               & x%error)
          end if
          if (.not. allocated(x%error)) call fit_learner(learner, x%error)
          if (allocated(x%error)) return

@@ -26,11 +26,13 @@ module simulate
    implicit none
    private
    public :: outcome_type, simulator_type, new_simulator, check_simulation, simulation_error, &
-      & specimen_stiffness, specimen_contact_radius, outcome_waiting, outcome_done, &
-      & outcome_failed, identity_text
+      & specimen_stiffness, specimen_contact_radius, derivatives_of, has_derivatives, &
+      & outcome_waiting, outcome_done, outcome_failed, identity_text
 
    !> Status of the simulation of a crystal.
    integer, parameter :: outcome_waiting = 0, outcome_done = 1, outcome_failed = 2
+   !> Number of derivatives by the stiffness, where there are any.
+   integer, parameter, public :: n_derivatives = 21
 
    type :: outcome_type
       integer :: status = outcome_waiting
@@ -60,6 +62,15 @@ module simulate
       & //'contact_radius_um, simulator, element, integration, refine, extrapolate, depths'
 
 contains
+
+   !> The derivatives of an outcome by the stiffness, (21); 0 if they are unknown.
+   pure function derivatives_of(outcome) result(derivatives)
+      type(outcome_type), intent(in) :: outcome
+      real(wp) :: derivatives(n_derivatives)
+
+      derivatives = 0.0_wp
+      if (size(outcome%by_stiffness) > 0) derivatives = outcome%by_stiffness
+   end function derivatives_of
 
    !> Refuse a specimen or an indenter that cannot be simulated, before a mesh is made.
    subroutine check_simulation(settings, has_theory, error)
@@ -102,6 +113,14 @@ contains
       if (.not. allocated(specimen)) return
       if (specimen%has_length) radius = specimen%contact_radius
    end function specimen_contact_radius
+
+   !> Whether the simulations have derivatives.
+   logical function has_derivatives(settings)
+      type(settings_type), intent(in) :: settings
+
+      has_derivatives = settings%simulation%simulator == 'fe' &
+         & .and. settings%specimen%estimator == 'curve'
+   end function has_derivatives
 
    !> The specimen that finite elements indent, in this program or elsewhere; not allocated if the
    !> theory is used or the settings are wrong.

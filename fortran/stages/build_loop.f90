@@ -17,10 +17,12 @@ module build_loop
       & round_size, simulations_before, tempered
    use sequential_design, only: candidates_type, design_type, initial_set, new_candidates, &
       & set_candidates, update_posterior_mean
-   use simulate, only: identity_text, outcome_done, outcome_failed, outcome_waiting
+   use problem, only: problem_type
+   use simulate, only: derivatives_of, has_derivatives, identity_text, n_derivatives, &
+      & outcome_done, outcome_failed, outcome_waiting
    use surrogate_learner, only: add_simulations, batch_end, change_basis, close_batch, learn, &
       & learning_type, new_learning, predict_moduli, refit_all, revert, surrogate_of
-   use surrogate_model, only: surrogate_type
+   use surrogate_model, only: simulations_type, surrogate_type, values_alone
    use text, only: to_text
    implicit none
    private
@@ -77,7 +79,7 @@ contains
          call new_learning(basis, design, self%learning, error)
          if (allocated(error)) return
          call set_candidates(self%learning%learner%design, basis, self%candidates%constants, &
-            & self%candidates%euler_deg)
+            & self%candidates%euler_deg, with_slopes(problem))
          if (has_focus(problem)) then
             allocate (self%focus)
             allocate (self%focus%rounds(0))
@@ -141,21 +143,27 @@ contains
       end subroutine replay
    end subroutine begin
 
+   !> Whether the regression takes derivatives, and simulations have them.
+   logical function with_slopes(problem)
+      type(problem_type), intent(in) :: problem
+
+      with_slopes = problem%settings%surrogate%derivatives .and. has_derivatives(problem%settings)
+   end function with_slopes
+
    !> Train on the rows that are left, batch by batch.
    subroutine train_on_rows(build, whole, error)
       class(build_type), intent(inout) :: build
       !> Leave out the rows that do not fill a batch.
       logical, intent(in) :: whole
       type(error_type), allocatable, intent(out) :: error
-      integer :: complete, last
+      integer :: complete, last, i
 
       associate (rest => build%rest, learning => build%learning)
          do while (rest%n() > 0 .and. learning%n() < learning%settings%budget)
             complete = batch_end(learning)
             if (whole .and. rest%n() < complete - learning%n()) exit
             last = rest%taken + min(rest%n(), complete - learning%n())
-            call learn(learning, rest%constants(:, rest%taken + 1:last), rest%euler_deg(:, &
-               & rest%taken + 1:last), rest%modulus(rest%taken + 1:last), .false., error)
+            call learn(learning, rest%of_rows([(i, i=rest%taken + 1, last)]), .false., error)
             rest%taken = last
             if (learning%n() == complete .and. .not. allocated(error)) then
                call close_batch(learning, .false., error)
@@ -329,7 +337,7 @@ contains
          call change_basis(learning, surrogate%basis, error)
          if (allocated(error)) return
          call set_candidates(learning%learner%design, surrogate%basis, build%candidates%constants, &
-            & build%candidates%euler_deg)
+            & build%candidates%euler_deg, with_slopes(build%problem))
          build%stopped = ''
          if (learning%n() >= design%budget) build%stopped = 'the budget is used'
          if (is_accurate(focus)) build%stopped = 'the surrogate is accurate at the posterior'
@@ -373,7 +381,7 @@ contains
       associate (learner => build%learning%learner)
          call predict_moduli(learner, coefficient_mean(learner%design%regression), constants, &
             & euler_deg, modulus)
-         call add_simulations(learner, constants, euler_deg, modulus, .false., error)
+         call add_simulations(learner, values_alone(constants, euler_deg, modulus), .false., error)
          if (.not. allocated(error)) call update_posterior_mean(learner%design, .true., error)
       end associate
    end subroutine assume_simulated
@@ -416,13 +424,14 @@ contains
    subroutine close_choice(build, error)
       class(build_type), intent(inout) :: build
       type(error_type), allocatable, intent(out) :: error
-      integer, allocatable :: numbers(:)
+      integer, allocatable :: done(:), numbers(:)
       real(wp), allocatable :: modulus(:)
       logical :: exactly
-      integer :: complete, n
+      integer :: complete, i, n
 
-      numbers = pack(build%chosen, build%rows%outcome%status == outcome_done)
-      modulus = pack(build%rows%outcome%modulus, build%rows%outcome%status == outcome_done)
+      done = pack([(i, i=1, size(build%rows))], build%rows%outcome%status == outcome_done)
+      numbers = build%chosen(done)
+      modulus = build%rows(done)%outcome%modulus
       associate (learning => build%learning, constants => build%candidates%constants(:, numbers), &
          & euler_deg => build%candidates%euler_deg(:, numbers), &
          & all_done => size(numbers) == size(build%chosen))
@@ -436,9 +445,13 @@ contains
             call undo_choice(build)
          else
             complete = batch_end(learning)
-            call learn(learning, constants, euler_deg, modulus, build%by_variance, error)
+            call learn(learning, simulations_type(constants, euler_deg, modulus, &
+               & reshape([(derivatives_of(build%rows(done(i))%outcome), i=1, size(done))], &
+               & [n_derivatives, size(done)])), build%by_variance, error)
             if (allocated(error)) return
-            exactly = .not. (all_done .and. build%by_variance)
+            ! A simulation may be without the derivatives that the choice expected.
+            exactly = .not. (all_done .and. build%by_variance) &
+               & .or. allocated(learning%learner%design%slopes)
             if (learning%n() == complete) then
                call close_batch(learning, exactly, error)
             else

@@ -219,10 +219,9 @@ contains
          call new_learner(basis, learner, error)
          if (allocated(error)) return
          do i = 1, n_counts
-            associate (known => learning%learner%simulations, first => counts(i - 1) + 1, &
-               & last => counts(i))
-               call add_simulations(learner, known%constants(:, first:last), &
-                  & known%euler_deg(:, first:last), known%modulus(first:last), .true., error)
+            associate (known => learning%learner%simulations, last => counts(i))
+               call add_simulations(learner, known%of_rows([(j, j=counts(i - 1) + 1, last)]), &
+                  & .true., error)
                if (allocated(error)) return
                call fit_learner(learner, error)
                if (allocated(error)) return

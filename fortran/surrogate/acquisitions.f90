@@ -3,8 +3,8 @@ module acquisitions
    use abstract_basis, only: basis_type
    use errors, only: error_type, refuse
    use kinds, only: wp
-   use linear_algebra, only: dot, gram_of, multiply
-   use sequential_design, only: condition_on, design_type, quadratic_forms, tie
+   use linear_algebra, only: cholesky_factor, cholesky_solve, dot, gram_of, multiply
+   use sequential_design, only: condition_on_candidate, design_type, quadratic_forms, tie
    implicit none
    private
    public :: acquisition_type, acquisition_names, new_acquisition
@@ -84,13 +84,19 @@ contains
          gram = gram_of(weighted)
          deallocate (weighted)
          allocate (product, lowered, mold=gram)
-         call multiply(gram, design%regression%covariance, product)
-         call multiply(design%regression%covariance, product, lowered)
          reduction = slope
-         call quadratic_forms(lowered, design%candidates, threads, reduction)
+         call find_reductions()
       end if
       do k = 1, size(chosen)
-         if (self%lowers_mean) then
+         if (self%lowers_mean .and. allocated(design%slopes)) then
+            if (k > 1) call find_reductions()
+            gain = slope
+            !$omp parallel do num_threads(threads) schedule(static) if(threads > 1)
+            do j = 1, size(gain)
+               gain(j) = gain_with_slopes(j)
+            end do
+            !$omp end parallel do
+         else if (self%lowers_mean) then
             gain = reduction/(design%variance + 1.0_wp/design%regression%beta)
          else
             gain = slope**2*design%variance
@@ -99,11 +105,46 @@ contains
             & .and. gain >= (1.0_wp - tie)*maxval(gain, mask=design%available), .true., 1)
          variance(k) = design%variance(chosen(k))
          design%available(chosen(k)) = .false.
-         if (self%lowers_mean .and. k < size(chosen)) call lower_reductions()
-         call condition_on(design, design%candidates(:, chosen(k)), threads)
+         if (self%lowers_mean .and. k < size(chosen) .and. .not. allocated(design%slopes)) then
+            call lower_reductions()
+         end if
+         call condition_on_candidate(design, chosen(k), threads)
       end do
 
    contains
+
+      !> Compute C G C and the reductions t C G C t.
+      subroutine find_reductions()
+         call multiply(gram, design%regression%covariance, product)
+         call multiply(design%regression%covariance, product, lowered)
+         call quadratic_forms(lowered, design%candidates, threads, reduction)
+      end subroutine find_reductions
+
+      !> Reduction of the mean by a candidate and its derivatives T, of equal noise: the trace of
+      !> (Tᵀ C T + 1/beta)^-1 Tᵀ C G C T.
+      real(wp) function gain_with_slopes(number) result(gain)
+         integer, intent(in) :: number
+         real(wp) :: t(size(lowered, 1), 1 + size(design%slopes, 2)), part(size(t, 1), size(t, 2))
+         real(wp), dimension(size(t, 2), size(t, 2)) :: own, reduced
+         type(error_type), allocatable :: error
+         integer :: i
+
+         gain = 0.0_wp
+         if (.not. design%available(number)) return
+         t(:, 1) = design%candidates(:, number)
+         t(:, 2:) = design%slopes(:, :, number)/design%regression%slope_noise
+         call multiply(design%regression%covariance, t, part)
+         call multiply(t, part, own, transposed=.true.)
+         call multiply(lowered, t, part)
+         call multiply(t, part, reduced, transposed=.true.)
+         do i = 1, size(t, 2)
+            own(i, i) = own(i, i) + 1.0_wp/design%regression%beta
+         end do
+         call cholesky_factor(own, error)
+         if (allocated(error)) return
+         call cholesky_solve(own, reduced)
+         gain = sum([(reduced(i, i), i=1, size(t, 2))])
+      end function gain_with_slopes
 
       !> Update C G C and the reductions t C G C t for the choice of s. C falls by v vᵀ with v = C
       !> s/σ and σ² = s C s + 1/beta. C G C falls by v wᵀ + w vᵀ - (v G v) v vᵀ with w = C G v =

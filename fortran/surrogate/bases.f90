@@ -56,6 +56,8 @@ contains
       type(surrogate_settings_type), intent(inout) :: settings
       type(labelled_values_type), intent(inout) :: file
 
+      ! The file has the derivatives that were used, and no others.
+      if (file%reading) settings%derivatives = .true.
       if (settings%model == 'paper') call file%text('truncation', settings%truncation)
       if (settings%model /= 'halfspace') call file%integer('degree', settings%degree)
       if (settings%model /= 'paper') return

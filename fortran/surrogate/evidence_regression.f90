@@ -5,6 +5,9 @@
 !> degree 2, f² at degree 3; a term of degree 0 is almost free. The decay rate f is chosen by the
 !> evidence, as alpha and beta are. The regression works with the whitened coefficients z = A/W,
 !> whose prior is N(0, 1/alpha).
+!>
+!> Observations may be of derivatives. The sd of their noise is a multiple of that of values, chosen
+!> by the evidence too; terms and targets are stored divided by it.
 module evidence_regression
    use errors, only: error_type
    use kinds, only: pi, wp
@@ -26,6 +29,10 @@ module evidence_regression
       real(wp) :: decay_rate = 0.4_wp
       !> Whitened terms (n_terms, n_data), and y.
       real(wp), allocatable :: terms(:, :), targets(:)
+      !> Whether each observation is of a derivative, (n_data), and the noise of these relative to
+      !> that of values.
+      logical, allocatable :: is_slope(:)
+      real(wp) :: slope_noise = exp(0.5_wp)
       !> Smallest standard deviation of the noise, in units of y.
       real(wp) :: least_noise = 0.0_wp
       real(wp) :: alpha = 1.0_wp, beta = 1.0_wp
@@ -58,7 +65,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
 
       regression%n_terms = size(degrees)
-      allocate (regression%terms(size(degrees), 0), regression%targets(0))
+      allocate (regression%terms(size(degrees), 0), regression%targets(0), regression%is_slope(0))
       regression%moment = spread(0.0_wp, 1, size(degrees))
       regression%prior_width = regression%moment + 1.0_wp
       regression%degrees = degrees
@@ -85,6 +92,25 @@ contains
       call scale_columns(ratio, regression%terms)
    end subroutine set_decay_rate
 
+   !> Change the noise of derivatives. The posterior is not computed anew.
+   subroutine set_slope_noise(regression, slope_noise)
+      type(regression_type), intent(inout) :: regression
+      real(wp), intent(in) :: slope_noise
+      real(wp) :: ratio
+      integer :: j
+
+      ratio = regression%slope_noise/slope_noise
+      regression%slope_noise = slope_noise
+      regression%moment = 0.0_wp
+      do j = 1, regression%n_data
+         if (regression%is_slope(j)) then
+            regression%terms(:, j) = ratio*regression%terms(:, j)
+            regression%targets(j) = ratio*regression%targets(j)
+         end if
+         regression%moment = regression%moment + regression%targets(j)*regression%terms(:, j)
+      end do
+   end subroutine set_slope_noise
+
    !> Multiply each column of a matrix (n, m) by factors (n), such as the prior's widths.
    pure subroutine scale_columns(factors, matrix)
       real(wp), intent(in) :: factors(:)
@@ -97,21 +123,26 @@ contains
    end subroutine scale_columns
 
    !> Append observations: terms (n_terms, m) and y (m). The posterior is not computed anew.
-   subroutine add_data(regression, terms, y)
+   subroutine add_data(regression, terms, y, are_slopes)
       type(regression_type), intent(inout) :: regression
       real(wp), intent(in) :: terms(:, :), y(:)
+      !> Whether each is a derivative.
+      logical, intent(in) :: are_slopes(:)
       real(wp), allocatable :: larger(:, :)
+      real(wp) :: noise(size(y))
       integer :: j, n
 
       n = regression%n_data
+      noise = merge(regression%slope_noise, 1.0_wp, are_slopes)
       regression%n_data = n + size(y)
-      regression%targets = [regression%targets, y]
+      regression%targets = [regression%targets, y/noise]
+      regression%is_slope = [regression%is_slope, are_slopes]
       ! A function's result would be on the stack, and this array may be large.
       allocate (larger(regression%n_terms, regression%n_data))
       larger(:, :n) = regression%terms
       do j = 1, size(y)
-         larger(:, n + j) = regression%prior_width*terms(:, j)
-         regression%moment = regression%moment + y(j)*larger(:, n + j)
+         larger(:, n + j) = regression%prior_width*terms(:, j)/noise(j)
+         regression%moment = regression%moment + regression%targets(n + j)*larger(:, n + j)
       end do
       call move_alloc(larger, regression%terms)
    end subroutine add_data
@@ -146,72 +177,56 @@ contains
       !> (docs/verification/surrogate.md).
       integer, parameter :: n_rates = 14
       real(wp), parameter :: least = -2.1_wp, step = 0.15_wp, typical = -0.9_wp, sd = 0.12_wp
+      !> The same of the noise of derivatives.
+      integer, parameter :: n_noises = 11
+      real(wp), parameter :: least_log_noise = -1.0_wp, log_noise_step = 0.5_wp
       type(spectrum_type) :: spectrum, best
       !> alpha/beta of largest evidence at a decay rate, and ln evidence there.
-      real(wp) :: ratio, value, log_rate, best_rate, best_ratio
+      real(wp) :: ratio, value, log_rate, best_rate, best_ratio, best_noise
       logical :: decays
-      integer :: n_tried, i
+      integer :: i
 
       evidence = 0.0_wp
       if (regression%n_data == 0) return
       evidence = -huge(1.0_wp)
       best_ratio = 1.0_wp
       best_rate = typical
+      best_noise = regression%slope_noise
       decays = maxval(regression%degrees) > 1
-      n_tried = merge(n_rates, 1, decays)
-      do i = 1, n_tried
+      do i = 1, merge(n_rates, 1, decays)
          log_rate = least + step*(i - 1)
          if (decays) call set_decay_rate(regression, exp(log_rate))
-         call compute_spectrum()
+         call try_present()
          if (allocated(error)) return
-         call maximise_over_ratio()
-         if (decays) value = value - 0.5_wp*((log_rate - typical)/sd)**2
-         if (value <= evidence) cycle
-         evidence = value
-         best_ratio = ratio
-         best_rate = log_rate
-         best = spectrum
       end do
       if (decays) call set_decay_rate(regression, exp(best_rate))
+      do i = 1, merge(n_noises, 0, any(regression%is_slope))
+         log_rate = best_rate
+         call set_slope_noise(regression, exp(least_log_noise + log_noise_step*(i - 1)))
+         call try_present()
+         if (allocated(error)) return
+      end do
+      call set_slope_noise(regression, best_noise)
       regression%beta = best_beta(best, best_ratio, regression%least_noise)
       regression%alpha = best_ratio*regression%beta
       call compute_posterior(regression, error, best%gram)
 
    contains
 
-      !> Compute the eigenvalues of the Gram matrix of the data, over data or over terms, whichever
-      !> are fewer.
-      subroutine compute_spectrum()
-         real(wp), allocatable :: gram(:, :), projection(:)
-         integer :: n, m, i
-
-         n = regression%n_data
-         m = min(n, regression%n_terms)
-         spectrum = spectrum_type(n_data=n)
-         allocate (spectrum%values(m))
-         gram = gram_of(regression%terms, transposed=n <= regression%n_terms)
-         if (n > regression%n_terms) spectrum%gram = gram
-         call symmetric_eigen(gram, spectrum%values, error)
+      !> Compare the evidence at the present decay rate and noise of derivatives with the best.
+      subroutine try_present()
+         call compute_spectrum(regression, spectrum, error)
          if (allocated(error)) return
-         if (n <= regression%n_terms) then
-            spectrum%values = max(0.0_wp, spectrum%values)
-            spectrum%squares = [(dot_product(gram(:, i), regression%targets), i=1, m)]**2
-            return
-         end if
-         ! The rest after projection is computed as a vector: the difference of squares would cancel
-         ! for a good fit.
-         projection = [(dot_product(gram(:, i), regression%moment), i=1, m)]
-         where (spectrum%values > m*epsilon(1.0_wp)*maxval(spectrum%values))
-            projection = projection/spectrum%values
-         else where
-            projection = 0.0_wp
-            spectrum%values = 0.0_wp
-         end where
-         spectrum%squares = projection**2*spectrum%values
-         projection = matmul(gram, projection)
-         spectrum%rest = sum([(regression%targets(i) &
-            & - dot_product(regression%terms(:, i), projection), i=1, n)]**2)
-      end subroutine compute_spectrum
+         call maximise_over_ratio()
+         if (decays) value = value - 0.5_wp*((log_rate - typical)/sd)**2
+         value = value - count(regression%is_slope)*log(regression%slope_noise)
+         if (value <= evidence) return
+         evidence = value
+         best_ratio = ratio
+         best_rate = log_rate
+         best_noise = regression%slope_noise
+         best = spectrum
+      end subroutine try_present
 
       !> alpha/beta of largest evidence. For a given ratio of the two the best beta has a closed
       !> form. So one search along the logarithm of the ratio, each step O(terms), finds the global
@@ -262,6 +277,43 @@ contains
          profile = log_evidence(spectrum, exp(log_ratio)*beta, beta)
       end function profile
    end subroutine maximise_evidence
+
+   !> Compute the eigenvalues of the Gram matrix of the data, over data or over terms, whichever
+   !> are fewer.
+   subroutine compute_spectrum(regression, spectrum, error)
+      type(regression_type), intent(in) :: regression
+      type(spectrum_type), intent(out) :: spectrum
+      type(error_type), allocatable, intent(out) :: error
+      real(wp), allocatable :: gram(:, :), projection(:)
+      integer :: n, m, i
+
+      n = regression%n_data
+      m = min(n, regression%n_terms)
+      spectrum = spectrum_type(n_data=n)
+      allocate (spectrum%values(m))
+      gram = gram_of(regression%terms, transposed=n <= regression%n_terms)
+      if (n > regression%n_terms) spectrum%gram = gram
+      call symmetric_eigen(gram, spectrum%values, error)
+      if (allocated(error)) return
+      if (n <= regression%n_terms) then
+         spectrum%values = max(0.0_wp, spectrum%values)
+         spectrum%squares = [(dot_product(gram(:, i), regression%targets), i=1, m)]**2
+         return
+      end if
+      ! The rest after projection is computed as a vector: the difference of squares would cancel
+      ! for a good fit.
+      projection = [(dot_product(gram(:, i), regression%moment), i=1, m)]
+      where (spectrum%values > m*epsilon(1.0_wp)*maxval(spectrum%values))
+         projection = projection/spectrum%values
+      else where
+         projection = 0.0_wp
+         spectrum%values = 0.0_wp
+      end where
+      spectrum%squares = projection**2*spectrum%values
+      projection = matmul(gram, projection)
+      spectrum%rest = sum([(regression%targets(i) &
+         & - dot_product(regression%terms(:, i), projection), i=1, n)]**2)
+   end subroutine compute_spectrum
 
    !> Compute mean and covariance from all data at the present alpha, beta (Eq. 7).
    subroutine compute_posterior(regression, error, gram)

@@ -13,6 +13,7 @@ module sequential_design
    use evidence_regression, only: compute_posterior, factored_forms, regression_type, scale_columns
    use kinds, only: degree, wp
    use linear_algebra, only: cholesky_factor, dot
+   use modulus_slopes, only: count_slopes, evaluate_slopes
    use problem, only: problem_type
    use settings_schema, only: design_settings_type
    use statistics, only: number_equal, sort_order
@@ -20,6 +21,7 @@ module sequential_design
    implicit none
    private
    public :: design_type, set_candidates, compute_variances, quadratic_forms, condition_on, &
+      & condition_on_candidate, &
       & update_posterior_mean, candidates_type, new_candidates, initial_set
 
    !> Number of candidates in one matrix product.
@@ -36,6 +38,9 @@ module sequential_design
       real(wp), allocatable :: candidates(:, :), variance(:)
       !> Scale of each candidate, GPa, and its spread.
       real(wp), allocatable :: scale(:), spread(:)
+      !> Whitened terms of the derivatives of each candidate, (n_terms, derivative, n), allocated if
+      !> simulations are expected to have derivatives.
+      real(wp), allocatable :: slopes(:, :, :)
       !> Whether each candidate may still be chosen.
       logical, allocatable :: available(:)
       !> Number of choices since the variances were computed anew.
@@ -53,17 +58,30 @@ module sequential_design
 contains
 
    !> Set the candidates, all of them available.
-   subroutine set_candidates(design, basis, constants, euler_deg)
+   subroutine set_candidates(design, basis, constants, euler_deg, with_slopes)
       type(design_type), intent(inout) :: design
       class(basis_type), intent(in) :: basis
       !> Constants (n_constants, n), GPa; Bunge-Euler angles (3, n), degrees.
       real(wp), intent(in) :: constants(:, :), euler_deg(:, :)
+      !> Whether their simulations are expected to have derivatives.
+      logical, intent(in) :: with_slopes
+      integer :: i
 
       call basis%evaluate_crystals(constants, euler_deg, design%candidates, design%scale, &
          & design%spread)
       call scale_columns(design%regression%prior_width, design%candidates)
       design%variance = design%scale
       design%available = spread(.true., 1, size(design%scale))
+      if (allocated(design%slopes)) deallocate (design%slopes)
+      if (with_slopes) then
+         ! Derivatives determine the terms so well that little noise is left.
+         if (design%regression%n_data == 0) design%regression%beta = basis%least_noise**(-2)
+         allocate (design%slopes(basis%n_terms, count_slopes(basis), size(design%scale)))
+         do i = 1, size(design%scale)
+            call evaluate_slopes(basis, constants(:, i), euler_deg(:, i), design%slopes(:, :, i))
+            call scale_columns(design%regression%prior_width, design%slopes(:, :, i))
+         end do
+      end if
       call compute_variances(design)
    end subroutine set_candidates
 
@@ -122,6 +140,20 @@ contains
       !$omp end parallel do
       design%n_choices = design%n_choices + 1
    end subroutine condition_on
+
+   !> Update them as if the candidate of this `number` were simulated.
+   subroutine condition_on_candidate(design, number, threads)
+      type(design_type), intent(inout) :: design
+      integer, intent(in) :: number, threads
+      integer :: k
+
+      call condition_on(design, design%candidates(:, number), threads)
+      if (.not. allocated(design%slopes)) return
+      do k = 1, size(design%slopes, 2)
+         call condition_on(design, &
+            & design%slopes(:, k, number)/design%regression%slope_noise, threads)
+      end do
+   end subroutine condition_on_candidate
 
    !> Update the posterior mean after the moduli of all chosen candidates were added as data.
    !> Everything is computed anew after `refresh_interval` choices, and if `exactly`: a chosen

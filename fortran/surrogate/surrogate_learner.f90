@@ -10,11 +10,13 @@ module surrogate_learner
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, &
       & leave_groups_out, maximise_evidence, new_regression, scale_columns
    use kinds, only: degree, wp
+   use modulus_slopes, only: count_slopes, evaluate_slopes
+   use simulate, only: n_derivatives
    use statistics, only: number_equal
    use sequential_design, only: compute_variances, condition_on, design_type, refresh_interval, &
       & set_candidates, update_posterior_mean
    use settings_schema, only: design_settings_type
-   use surrogate_model, only: simulations_type, surrogate_type
+   use surrogate_model, only: simulations_type, surrogate_type, values_alone
    use text, only: to_text
    implicit none
    private
@@ -80,46 +82,66 @@ contains
       allocate (learner%basis, source=basis)
       associate (known => learner%simulations)
          allocate (known%constants(basis%domain%class%n_constants, 0), known%euler_deg(3, 0), &
-            & known%modulus(0))
-         call set_candidates(learner%design, basis, known%constants, known%euler_deg)
+            & known%modulus(0), known%by_stiffness(n_derivatives, 0))
+         call set_candidates(learner%design, basis, known%constants, known%euler_deg, .false.)
       end associate
    end subroutine new_learner
 
    !> Add simulations to the data. If the design has `chosen` them, the covariance contains them
    !> already, and `update_posterior_mean` follows later. Otherwise the posterior is updated for
    !> each (Eq. 11), or computed once if there are many.
-   subroutine add_simulations(learner, constants, euler_deg, modulus, chosen, error)
+   subroutine add_simulations(learner, simulations, chosen, error)
       type(learner_type), intent(inout) :: learner
-      !> Constants (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
-      real(wp), intent(in) :: constants(:, :), euler_deg(:, :), modulus(:)
+      type(simulations_type), intent(in) :: simulations
       logical, intent(in) :: chosen
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: terms(:, :), scale(:), spread(:)
-      integer :: i
+      !> Observations: each simulation, followed by its derivatives, if they are known and used.
+      real(wp), allocatable :: terms(:, :), scale(:), spread(:), rows(:, :), y(:)
+      logical, allocatable :: is_slope(:)
+      integer :: n_slopes(size(simulations%modulus)), i, first
 
-      call learner%basis%evaluate_crystals(constants, euler_deg, terms, scale, spread)
-      if (.not. (all(modulus > 0.0_wp) .and. all(modulus < huge(1.0_wp)))) then
-         call refuse(error, 'a simulated modulus is not positive and finite')
-      else if (.not. all(abs(terms) < huge(1.0_wp))) then
-         call refuse(error, 'a training crystal is elastically unstable')
-      end if
-      if (allocated(error)) return
-      associate (known => learner%simulations, regression => learner%design%regression)
-         call add_data(regression, terms, learner%basis%to_y(modulus, scale, spread))
+      associate (known => learner%simulations, regression => learner%design%regression, &
+         & basis => learner%basis, constants => simulations%constants, &
+         & euler_deg => simulations%euler_deg, modulus => simulations%modulus)
+         call basis%evaluate_crystals(constants, euler_deg, terms, scale, spread)
+         if (.not. (all(modulus > 0.0_wp) .and. all(modulus < huge(1.0_wp)))) then
+            call refuse(error, 'a simulated modulus is not positive and finite')
+         else if (.not. all(abs(terms) < huge(1.0_wp))) then
+            call refuse(error, 'a training crystal is elastically unstable')
+         end if
+         if (allocated(error)) return
+         n_slopes = 0
+         if (basis%settings%derivatives) then
+            n_slopes = merge(count_slopes(basis), 0, any(abs(simulations%by_stiffness) > 0.0_wp, 1))
+         end if
+         allocate (y(size(modulus) + sum(n_slopes)))
+         allocate (rows(basis%n_terms, size(y)))
+         allocate (is_slope(size(y)), source=.true.)
+         first = 1
+         do i = 1, size(modulus)
+            rows(:, first) = terms(:, i)
+            y(first) = basis%to_y(modulus(i), scale(i), spread(i))
+            is_slope(first) = .false.
+            associate (last => first + n_slopes(i))
+               if (last > first) then
+                  call evaluate_slopes(basis, constants(:, i), euler_deg(:, i), &
+                     & rows(:, first + 1:last), y(first + 1:last), modulus(i), &
+                     & simulations%by_stiffness(:, i))
+               end if
+               first = last + 1
+            end associate
+         end do
+         call add_data(regression, rows, y, is_slope)
          if (.not. chosen) then
-            if (size(modulus) <= refresh_interval) then
-               do i = regression%n_data - size(modulus) + 1, regression%n_data
+            if (size(y) <= refresh_interval) then
+               do i = regression%n_data - size(y) + 1, regression%n_data
                   call condition_on(learner%design, regression%terms(:, i), 1)
                end do
             end if
-            call update_posterior_mean(learner%design, size(modulus) > refresh_interval, error)
+            call update_posterior_mean(learner%design, size(y) > refresh_interval, error)
             if (allocated(error)) return
          end if
-         ! An array constructor would be on the stack, and these may be large.
-         known%constants = reshape(known%constants, &
-            & [size(constants, 1), regression%n_data], constants)
-         known%euler_deg = reshape(known%euler_deg, [3, regression%n_data], euler_deg)
-         known%modulus = [known%modulus, modulus]
+         call known%append(simulations)
       end associate
    end subroutine add_simulations
 
@@ -127,13 +149,11 @@ contains
    subroutine revert(learner, design)
       type(learner_type), intent(inout) :: learner
       type(design_type), intent(in) :: design
+      integer :: i
 
       learner%design = design
-      associate (n => design%regression%n_data, known => learner%simulations)
-         known%constants = known%constants(:, :n)
-         known%euler_deg = known%euler_deg(:, :n)
-         known%modulus = known%modulus(:n)
-      end associate
+      learner%simulations = learner%simulations%of_rows([(i, i=1, &
+         & count(.not. design%regression%is_slope))])
    end subroutine revert
 
    !> Maximise the evidence over alpha and beta, and compute the posterior from all simulations and
@@ -142,6 +162,7 @@ contains
       type(learner_type), intent(inout) :: learner
       type(error_type), allocatable, intent(out) :: error
       real(wp) :: ratio(learner%basis%n_terms)
+      integer :: i
 
       associate (design => learner%design, regression => learner%design%regression)
          ratio = 1.0_wp/regression%prior_width
@@ -149,6 +170,11 @@ contains
          if (allocated(error)) return
          ratio = ratio*regression%prior_width
          call scale_columns(ratio, design%candidates)
+         if (allocated(design%slopes)) then
+            do i = 1, size(design%slopes, 3)
+               call scale_columns(ratio, design%slopes(:, :, i))
+            end do
+         end if
          call compute_variances(design)
       end associate
    end subroutine fit_learner
@@ -191,7 +217,10 @@ contains
          surrogate%coefficients = coefficient_mean(regression)
          call coefficient_covariance(regression, surrogate%covariance)
       end associate
-      surrogate%simulations = learner%simulations
+      associate (known => learner%simulations)
+         surrogate%simulations = values_alone(known%constants, known%euler_deg, known%modulus)
+         if (any(learner%design%regression%is_slope)) surrogate%simulations = known
+      end associate
       surrogate%provenance = provenance
    end subroutine surrogate_of
 
@@ -236,23 +265,22 @@ contains
 
    !> Add observations to the training. If the design has `chosen` them, the covariance contains
    !> them already.
-   subroutine learn(learning, constants, euler_deg, modulus, chosen, error)
+   subroutine learn(learning, simulations, chosen, error)
       type(learning_type), intent(inout) :: learning
-      !> Constants of the domain's class (n_constants, n) and moduli (n), GPa; Bunge-Euler angles
-      !> (3, n), degrees.
-      real(wp), intent(in) :: constants(:, :), euler_deg(:, :), modulus(:)
+      type(simulations_type), intent(in) :: simulations
       logical, intent(in) :: chosen
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: predicted(size(modulus))
+      real(wp) :: predicted(size(simulations%modulus))
 
-      if (size(modulus) == 0) return
+      if (size(predicted) == 0) return
       ! Predict with the coefficients of the end of the last batch, so that the errors do not depend
       ! on where in a batch a build was interrupted.
       if (learning%n() >= learning%first) then
-         call predict_moduli(learning%learner, learning%last_mean, constants, euler_deg, predicted)
-         learning%next_errors = [learning%next_errors, abs(predicted - modulus)]
+         call predict_moduli(learning%learner, learning%last_mean, &
+            & simulations%constants, simulations%euler_deg, predicted)
+         learning%next_errors = [learning%next_errors, abs(predicted - simulations%modulus)]
       end if
-      call add_simulations(learning%learner, constants, euler_deg, modulus, chosen, error)
+      call add_simulations(learning%learner, simulations, chosen, error)
    end subroutine learn
 
    !> End a batch: compute the posterior, with new alpha and beta if it is time for them.
@@ -320,10 +348,7 @@ contains
 
       call new_learner(basis, learner, error)
       if (allocated(error)) return
-      associate (known => learning%learner%simulations)
-         call add_simulations(learner, known%constants, known%euler_deg, known%modulus, &
-            & .false., error)
-      end associate
+      call add_simulations(learner, learning%learner%simulations, .false., error)
       if (allocated(error)) return
       call fit_learner(learner, error)
       if (allocated(error)) return
@@ -343,22 +368,28 @@ contains
       !> Modulus (GPa) of each simulation as predicted without its group, and the error of the
       !> prediction in units of its sd.
       real(wp), dimension(:), intent(out), optional :: modulus, z
-      real(wp), dimension(size(groups)) :: residual, sd, spread, predicted
+      real(wp), dimension(learner%design%regression%n_data) :: residual, sd
+      real(wp), dimension(size(groups)) :: y, spread, predicted
       integer :: i
 
       error_gpa = 0.0_wp
-      call leave_groups_out(learner%design%regression, groups, residual, sd, error)
-      if (allocated(error)) return
       associate (basis => learner%basis, known => learner%simulations, &
-         & y => learner%design%regression%targets)
+         & regression => learner%design%regression)
+         ! A simulation is left out with its derivatives, which follow it.
+         call leave_groups_out(regression, [(groups(count(.not. regression%is_slope(:i))), i=1, &
+            & size(sd))], residual, sd, error)
+         if (allocated(error)) return
+         y = pack(regression%targets, .not. regression%is_slope)
+         residual(:size(groups)) = pack(residual, .not. regression%is_slope)
+         sd(:size(groups)) = pack(sd, .not. regression%is_slope)
          spread = [(spread_of(basis%noise_growth, &
             & basis%domain%class%stiffness(known%constants(:, i))), i=1, size(groups))]
-         predicted = basis%to_modulus(y - residual, 1.0_wp, spread) &
+         predicted = basis%to_modulus(y - residual(:size(groups)), 1.0_wp, spread) &
             & /basis%to_modulus(y, 1.0_wp, spread)*known%modulus
          error_gpa = sum(abs(predicted - known%modulus))/size(groups)
       end associate
       if (present(modulus)) modulus = predicted
-      if (present(z)) z = -residual/sd
+      if (present(z)) z = -residual(:size(groups))/sd(:size(groups))
    end subroutine left_out
 
 end module surrogate_learner

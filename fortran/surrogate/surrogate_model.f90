@@ -17,6 +17,7 @@ module surrogate_model
    use files, only: file_exists, is_folder, printable, read_bytes, read_text_file, replace_file, &
       & resolve_path
    use kinds, only: wp
+   use simulate, only: n_derivatives
    use labelled_values, only: labelled_values_type
    use linear_algebra, only: cholesky_factor
    use settings_schema, only: surrogate_settings_type
@@ -24,7 +25,7 @@ module surrogate_model
    use text, only: to_text
    implicit none
    private
-   public :: surrogate_type, simulations_type, new_theory_surrogate, predict_crystals
+   public :: surrogate_type, simulations_type, values_alone, new_theory_surrogate, predict_crystals
    public :: new_grain_model, save_surrogate, load_surrogate, check_replaceable, exchange_surrogate
    public :: places_type, find_surrogate, load_named_surrogate, check_new_name
 
@@ -33,6 +34,11 @@ module surrogate_model
       !> Constants of the domain's class (n_constants, n) and moduli (n), GPa; Bunge-Euler angles
       !> (3, n), degrees.
       real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
+      !> Derivatives of each modulus by C11, C12, .. C66 in crystal axes, (21, n); 0 where they are
+      !> unknown. Files of surrogates do not have them.
+      real(wp), allocatable :: by_stiffness(:, :)
+   contains
+      procedure :: of_rows, append
    end type simulations_type
 
    type :: surrogate_type
@@ -55,7 +61,8 @@ module surrogate_model
    end type surrogate_type
 
    character(len=*), parameter :: label = 'bayesindent-surrogate'
-   integer, parameter :: version = 4
+   !> Version of the format, and that before, which has no derivatives.
+   integer, parameter :: version = 5, former_version = 4
 
    !> The surrogate that needs no simulation and no file.
    character(len=*), parameter :: theory_name = 'halfspace'
@@ -71,6 +78,41 @@ module surrogate_model
    end type places_type
 
 contains
+
+   !> Simulations without derivatives.
+   pure type(simulations_type) function values_alone(constants, euler_deg, modulus) result(values)
+      !> As in `simulations_type`.
+      real(wp), intent(in) :: constants(:, :), euler_deg(:, :), modulus(:)
+
+      values = simulations_type(constants, euler_deg, modulus)
+      allocate (values%by_stiffness(n_derivatives, size(modulus)), source=0.0_wp)
+   end function values_alone
+
+   !> The simulations of the numbers `rows`.
+   pure type(simulations_type) function of_rows(self, rows) result(some)
+      class(simulations_type), intent(in) :: self
+      integer, intent(in) :: rows(:)
+
+      some%constants = self%constants(:, rows)
+      some%euler_deg = self%euler_deg(:, rows)
+      some%modulus = self%modulus(rows)
+      some%by_stiffness = self%by_stiffness(:, rows)
+   end function of_rows
+
+   !> Append others.
+   subroutine append(self, others)
+      class(simulations_type), intent(inout) :: self
+      type(simulations_type), intent(in) :: others
+      integer :: n
+
+      self%modulus = [self%modulus, others%modulus]
+      n = size(self%modulus)
+      ! Array constructors would be on the stack, and these may be large.
+      self%constants = reshape(self%constants, [size(self%constants, 1), n], others%constants)
+      self%euler_deg = reshape(self%euler_deg, [3, n], others%euler_deg)
+      self%by_stiffness = reshape(self%by_stiffness, [size(self%by_stiffness, 1), n], &
+         & others%by_stiffness)
+   end subroutine append
 
    !> The exact theory of the half-space, which needs no simulation.
    subroutine new_theory_surrogate(surrogate)
@@ -277,7 +319,7 @@ contains
       if (.not. file%reading) name = surrogate%basis%settings%model
       number = version
       call file%integer(label, number)
-      if (number /= version) then
+      if (all([version, former_version] /= number)) then
          call file%fail('it has version '//to_text(number)//' of the format, not ' &
             & //to_text(version)//'; build it anew')
       end if
@@ -301,7 +343,8 @@ contains
       call file%real('contact_radius_um', surrogate%contact_radius)
       call file%reals('coefficients', surrogate%coefficients)
       call exchange_covariance()
-      call exchange_simulations(surrogate%simulations)
+      call exchange_simulations(surrogate%simulations, &
+         & surrogate%basis%domain%class%n_constants, number == version, file)
       call file%lines('provenance', surrogate%provenance)
       if (file%reading .and. .not. allocated(file%error)) call check_values(file%error)
 
@@ -330,33 +373,6 @@ contains
          surrogate%covariance = unpack(packed, lower, 0.0_wp)
          surrogate%covariance = merge(surrogate%covariance, transpose(surrogate%covariance), lower)
       end subroutine exchange_covariance
-
-      subroutine exchange_simulations(simulations)
-         type(simulations_type), intent(inout) :: simulations
-         real(wp), allocatable :: constants(:), euler_deg(:)
-         integer :: n, n_constants
-
-         if (.not. file%reading) then
-            constants = reshape(simulations%constants, [size(simulations%constants)])
-            euler_deg = reshape(simulations%euler_deg, [size(simulations%euler_deg)])
-         end if
-         call file%reals('simulated_constants', constants)
-         call file%reals('simulated_euler_deg', euler_deg)
-         call file%reals('simulated_modulus_gpa', simulations%modulus)
-         if (allocated(file%error) .or. .not. file%reading) return
-         n = size(simulations%modulus)
-         n_constants = surrogate%basis%domain%class%n_constants
-         if (any([size(constants), size(euler_deg)] /= [n_constants, 3]*n)) then
-            call file%fail('the simulations have '//to_text(size(constants))//' constants, ' &
-               & //to_text(size(euler_deg))//' angles and '//to_text(n)//' moduli')
-            return
-         end if
-         simulations%constants = reshape(constants, [n_constants, n])
-         simulations%euler_deg = reshape(euler_deg, [3, n])
-         if (any(simulations%modulus <= 0.0_wp)) then
-            call file%fail('a simulated modulus is not positive')
-         end if
-      end subroutine exchange_simulations
 
       !> Refuse precisions that are not positive and a covariance that is not positive definite.
       subroutine check_values(error)
@@ -387,6 +403,49 @@ contains
          call prefix_error(error, 'the covariance is not one: ')
       end subroutine check_values
    end subroutine exchange_surrogate
+
+   !> Write or read the simulations of a surrogate.
+   subroutine exchange_simulations(simulations, n_constants, with_derivatives, file)
+      type(simulations_type), intent(inout) :: simulations
+      !> Of the class of the crystals.
+      integer, intent(in) :: n_constants
+      !> Whether the format has derivatives.
+      logical, intent(in) :: with_derivatives
+      type(labelled_values_type), intent(inout) :: file
+      real(wp), allocatable :: constants(:), euler_deg(:), by_stiffness(:)
+      integer :: n
+
+      allocate (by_stiffness(0))
+      if (.not. file%reading) then
+         constants = reshape(simulations%constants, [size(simulations%constants)])
+         euler_deg = reshape(simulations%euler_deg, [size(simulations%euler_deg)])
+         if (allocated(simulations%by_stiffness)) then
+            by_stiffness = reshape(simulations%by_stiffness, [size(simulations%by_stiffness)])
+         end if
+      end if
+      call file%reals('simulated_constants', constants)
+      call file%reals('simulated_euler_deg', euler_deg)
+      call file%reals('simulated_modulus_gpa', simulations%modulus)
+      if (with_derivatives) call file%reals('simulated_by_stiffness', by_stiffness)
+      if (allocated(file%error) .or. .not. file%reading) return
+      n = size(simulations%modulus)
+      if (any([size(constants), size(euler_deg)] /= [n_constants, 3]*n)) then
+         call file%fail('the simulations have '//to_text(size(constants))//' constants, ' &
+            & //to_text(size(euler_deg))//' angles and '//to_text(n)//' moduli')
+         return
+      end if
+      if (all([0, n_derivatives*n] /= size(by_stiffness))) then
+         call file%fail('there are '//to_text(size(by_stiffness))//' derivatives of ' &
+            & //to_text(n)//' moduli')
+         return
+      end if
+      simulations%by_stiffness = reshape(by_stiffness, [n_derivatives, n], [0.0_wp])
+      simulations%constants = reshape(constants, [n_constants, n])
+      simulations%euler_deg = reshape(euler_deg, [3, n])
+      if (any(simulations%modulus <= 0.0_wp)) then
+         call file%fail('a simulated modulus is not positive')
+      end if
+   end subroutine exchange_simulations
 
    !> Find the path of a surrogate, '' for the theory: a file of the output folder, of the
    !> namelist's folder, or one that comes with the package.

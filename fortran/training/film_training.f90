@@ -265,7 +265,7 @@ contains
       call basis%evaluate_crystals(self%known%constants, self%known%euler_deg, terms, scale, growth)
       associate (y => basis%to_y(self%known%modulus, scale, growth))
          call add_data(learner%design%regression, terms/spread(self%noise, 1, size(terms, 1)), &
-            & y/self%noise)
+            & y/self%noise, spread(.false., 1, size(y)))
       end associate
       call fit_learner(learner, error)
       if (.not. allocated(error)) call surrogate_of(learner, '{}', self%surrogate, error)

@@ -8,16 +8,15 @@ module known_rows
    use errors, only: error_type
    use kinds, only: wp
    use statistics, only: number_equal
-   use simulate, only: outcome_done
+   use simulate, only: derivatives_of, n_derivatives, outcome_done
+   use surrogate_model, only: simulations_type
    implicit none
    private
    public :: known_rows_type, select_rows
 
    !> Rows that may train a surrogate. The first `taken` are in the regression.
-   type :: known_rows_type
+   type, extends(simulations_type) :: known_rows_type
       integer :: taken = 0
-      !> Constants (n_constants, n) and moduli (n), GPa; Bunge-Euler angles (3, n), degrees.
-      real(wp), allocatable :: constants(:, :), euler_deg(:, :), modulus(:)
       !> Number of failed simulations.
       integer :: failed = 0
       !> The candidate of each row, 0: none. Number of usable rows before that of each candidate,
@@ -55,7 +54,7 @@ contains
       n = 0
       n_constants = basis%domain%class%n_constants
       allocate (known%constants(n_constants, size(rows)), known%euler_deg(3, size(rows)), &
-         & known%modulus(size(rows)))
+         & known%modulus(size(rows)), known%by_stiffness(n_derivatives, size(rows)))
       n_candidates = size(candidates%euler_deg, 2)
       allocate (known%candidate(size(rows)), known%earlier(n_candidates))
       known%earlier = -1
@@ -88,6 +87,7 @@ contains
             known%constants(:, n) = points(:n_constants, n_candidates + i)
             known%euler_deg(:, n) = rows(i)%euler_deg
             known%modulus(n) = rows(i)%outcome%modulus
+            known%by_stiffness(:, n) = derivatives_of(rows(i)%outcome)
             known%candidate(n) = maxval([0, same])
          else
             beyond = beyond + 1
@@ -101,9 +101,7 @@ contains
       type(known_rows_type), intent(inout) :: known
       integer, intent(in) :: rows(:)
 
-      known%constants = known%constants(:, rows)
-      known%euler_deg = known%euler_deg(:, rows)
-      known%modulus = known%modulus(rows)
+      known%simulations_type = known%of_rows(rows)
       known%candidate = known%candidate(rows)
    end subroutine keep
 

@@ -259,6 +259,7 @@ contains
       real(wp), allocatable :: values(:), covariance(:, :)
       real(wp) :: mean_error
       integer, allocatable :: numbers(:)
+      integer :: i
 
       if (x%in%has('constants')) then
          constants => x%in%columns('constants', learner%basis%domain%class%n_constants)
@@ -272,6 +273,7 @@ contains
             call x%out%put('alpha', design%regression%alpha)
             call x%out%put('beta', design%regression%beta)
             call x%out%put('fall', design%regression%decay_rate)
+            call x%out%put('slope_noise', design%regression%slope_noise)
             call x%out%put('log_evidence', learner%log_evidence)
             call coefficient_covariance(design%regression, covariance)
             call x%out%put_array('covariance', covariance, shape(covariance))
@@ -285,10 +287,11 @@ contains
       case ('learner.set_candidates')
          call new_acquisition(x%in%text('rule'), learner%rule, x%error)
          if (.not. allocated(x%error)) then
-            call set_candidates(learner%design, learner%basis, constants, euler_deg)
+            call set_candidates(learner%design, learner%basis, constants, euler_deg, &
+               & x%in%logical('with_slopes'))
          end if
       case ('learner.add')
-         call add_simulations(learner, constants, euler_deg, x%in%reals('modulus_gpa'), &
+         call add_simulations(learner, x%simulations(learner%basis%domain%class%n_constants), &
             & x%in%logical('chosen'), x%error)
       case ('learner.fit')
          if (x%in%has('alpha')) then
@@ -309,9 +312,13 @@ contains
       case ('learner.leave_out')
          ! y, and its error over its sd; and the mean absolute error of the modulus, GPa.
          allocate (x%values(size(numbers), 2), values(size(numbers)))
-         call leave_groups_out(learner%design%regression, numbers, x%values(:, 2), values, x%error)
-         x%values(:, 1) = learner%design%regression%targets(:size(numbers)) - x%values(:, 2)
-         x%values(:, 2) = x%values(:, 2)/values
+         associate (regression => learner%design%regression)
+            allocate (covariance(regression%n_data, 2))
+            call leave_groups_out(regression, [(numbers(count(.not. regression%is_slope(:i))), &
+               & i=1, regression%n_data)], covariance(:, 1), covariance(:, 2), x%error)
+            x%values(:, 1) = pack(regression%targets - covariance(:, 1), .not. regression%is_slope)
+            x%values(:, 2) = pack(covariance(:, 1)/covariance(:, 2), .not. regression%is_slope)
+         end associate
          if (.not. allocated(x%error)) call left_out(learner, numbers, mean_error, x%error)
          call x%out%put('error_gpa', mean_error)
       case ('learner.surrogate')

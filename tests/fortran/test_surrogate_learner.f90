@@ -12,7 +12,7 @@ program test_surrogate_learner
    use surrogate_domain, only: domain_type, spread_crystals
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, new_learner, &
       & surrogate_of
-   use surrogate_model, only: surrogate_type
+   use surrogate_model, only: surrogate_type, values_alone
    use testing, only: check, check_close, check_refused, check_success, evaluate_terms, finish, &
       & new_domain, new_wide_domain, predict
    implicit none
@@ -92,11 +92,12 @@ contains
       call make_basis(symmetry, model, degree_of_terms, bandlimit, basis)
       call simulate(basis, n + unseen, constants, euler_deg, modulus)
       call new_learner(basis, learner, error)
-      call add_simulations(learner, constants(:, :1), euler_deg(:, :1), modulus(:1), .true., error)
+      call add_simulations(learner, values_alone(constants(:, :1), euler_deg(:, :1), modulus(:1)), &
+         & .true., error)
       call surrogate_of(learner, '{}', surrogate, error)
       call check_refused('one simulation', error, 'at least 2')
-      call add_simulations(learner, constants(:, 2:n), euler_deg(:, 2:n), modulus(2:n), &
-         & .true., error)
+      call add_simulations(learner, values_alone(constants(:, 2:n), euler_deg(:, 2:n), &
+         & modulus(2:n)), .true., error)
       call fit_learner(learner, error)
       call check_success('a fit', error)
       call surrogate_of(learner, '{}', surrogate, error)
@@ -111,7 +112,8 @@ contains
       call check_close(model//': mean absolute error on unseen crystals', sum(difference)/unseen, &
          & 0.0_wp, limit)
       call check('every crystal of the domain is covered', covered)
-      call add_simulations(learner, constants(:, :1), euler_deg(:, :1), [-1.0_wp], .true., error)
+      call add_simulations(learner, values_alone(constants(:, :1), euler_deg(:, :1), [-1.0_wp]), &
+         & .true., error)
       call check_refused('a negative modulus', error, 'not positive')
    end subroutine test_fits
 
@@ -134,14 +136,14 @@ contains
       allocate (terms(basis%n_terms, 200))
       call simulate(basis, 230, constants, euler_deg, modulus)
       call new_learner(basis, learner, error)
-      call add_simulations(learner, constants(:, 201:), euler_deg(:, 201:), modulus(201:), &
-         & .true., error)
+      call add_simulations(learner, values_alone(constants(:, 201:), euler_deg(:, 201:), &
+         & modulus(201:)), .true., error)
       call new_acquisition('guess', learner%rule, error)
       call check_refused('an unknown rule', error, &
          & '''guess'' is unknown; allowed: imse, variance')
       do rule = 1, size(rules)
          call new_acquisition(trim(rules(rule)), learner%rule, error)
-         call set_candidates(learner%design, basis, constants(:, :200), euler_deg(:, :200))
+         call set_candidates(learner%design, basis, constants(:, :200), euler_deg(:, :200), .false.)
          call fit_learner(learner, error)
          call surrogate_of(learner, '{}', surrogate, error)
          do i = 1, 200
@@ -160,7 +162,7 @@ contains
          call check('the best by '//trim(rules(rule)), chosen(1) == maxloc(sd, 1))
       end do
       call new_acquisition('variance', learner%rule, error)
-      call set_candidates(learner%design, basis, constants(:, :200), euler_deg(:, :200))
+      call set_candidates(learner%design, basis, constants(:, :200), euler_deg(:, :200), .false.)
       learner%design%available(3:) = .false.
       call learner%rule%choose(learner%design, basis, 1, chosen(:2), variance(:2))
       call check('what is excluded is not chosen', all(chosen(:2) <= 2))

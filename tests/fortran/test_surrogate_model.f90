@@ -436,7 +436,7 @@ contains
          & '20 coefficients and 210 covariances', '')
       call check_damage(whole, 'degree 2', 'degree two', 'a whole number', '')
       call check_damage(whole, 'degree 2', 'degre 2', '''degree'' is expected, not ''degre 2''', '')
-      call check_damage(whole, 'surrogate 4', 'surrogate 3', 'version 3', 'not 4; build it anew')
+      call check_damage(whole, 'surrogate 5', 'surrogate 3', 'version 3', 'not 5; build it anew')
       call check_damage(whole, 'model paper', 'model plastic', '''plastic'' is unknown', '')
       call check_damage(whole, 'title', 'tiger', 'checksum', '')
       call check('no surrogate at all', is_refused('phi1_deg, Phi_deg'//newline))

@@ -429,7 +429,7 @@ def test_crystals_beyond_the_scale_are_outside_and_told_of(tmp_path):
     )
     whole = (tmp_path / "film.txt").read_text()
     for right, wrong, said in (
-        ("surrogate 4", "surrogate 3", "version 3 of the format, not 4; build it anew"),
+        ("surrogate 5", "surrogate 3", "version 3 of the format, not 5; build it anew"),
         (
             "stiffness 2\n60.0 540.0",
             "stiffness 2\n540.0 60.0",

@@ -381,6 +381,12 @@ FACTORIAL = BOUNDED | {"design": {"candidates": "factorial", "n_candidates": 40,
 WAVES = {"problem": {"density_kg_m3": 8960.0}, "next": {"velocity_sd_m_s": 10.0}}
 REDUCED = {"measurements": {"modulus_kind": "effective_modulus"}}
 
+#: Simulations that have derivatives.
+COARSE = {
+    "simulation": {"simulator": "fe", "refine": 0.7},
+    "specimen": {"geometry": "block"},
+}
+
 #: What is looked at, in which problem, and the value that is another than the default.
 EFFECTS = {
     "problem": {
@@ -495,6 +501,7 @@ EFFECTS = {
             "paper",
         ),
         "degree": (built, {}, 2),
+        "derivatives": (built, {"design": {"budget": 9}} | COARSE, False),
         "bandlimit": (built, PAPER | {"design": {"budget": 20}}, 0),
         "truncation": (built, PAPER | {"design": {"budget": 20}}, "total"),
         "prior_sd": (built, PAPER | {"design": {"budget": 20}}, "equal"),

@@ -174,12 +174,18 @@ class Learner(Held):
         self._hold(of_tests(basis)._call("learner")["handle"])
 
     def set_candidates(
-        self, constants: ArrayLike, euler_deg: ArrayLike, variance_of: str = "imse"
+        self,
+        constants: ArrayLike,
+        euler_deg: ArrayLike,
+        variance_of: str = "imse",
+        *,
+        with_slopes: bool = False,
     ) -> None:
-        """Crystals (n, k) at angles (n, 3) in degrees, all of them available, and the rule of the
-        choice, see &design.
+        """Crystals (n, k) at angles (n, 3) in degrees, all of them available, the rule of the
+        choice, see &design, and whether their simulations will have derivatives.
         """
-        self._call("set_candidates", rule=variance_of, **self.basis.rows(constants, euler_deg))
+        rows = self.basis.rows(constants, euler_deg)
+        self._call("set_candidates", rule=variance_of, with_slopes=with_slopes, **rows)
 
     def add(
         self,
@@ -188,15 +194,17 @@ class Learner(Held):
         modulus_gpa: ArrayLike,
         *,
         chosen: bool = False,
+        by_stiffness: ArrayLike | None = None,
     ) -> None:
-        """Train on moduli (n,) in GPa. If the choice asked for them the posterior follows with
-        `fit` or `update`; else it is updated here.
+        """Train on moduli (n,) in GPa and their derivatives (n, 21), if any. If the choice asked
+        for them the posterior follows with `fit` or `update`; else it is updated here.
         """
         if np.size(modulus_gpa):
             self._call(
                 "add",
                 modulus_gpa=modulus_gpa,
                 chosen=chosen,
+                **({} if by_stiffness is None else {"by_stiffness": by_stiffness}),
                 **self.basis.rows(constants, euler_deg),
             )
 
@@ -227,8 +235,9 @@ class Learner(Held):
         return *found["values"], found["error_gpa"]
 
     def precisions(self) -> dict[str, float]:
-        """alpha, beta, fall, and log_evidence of the last `fit`, in units of y."""
-        return {name: self.values(name) for name in ("alpha", "beta", "fall", "log_evidence")}
+        """alpha, beta, fall, slope_noise, and log_evidence of the last `fit`, in units of y."""
+        names = ("alpha", "beta", "fall", "slope_noise", "log_evidence")
+        return {name: self.values(name) for name in names}
 
     def values(self, name: str) -> np.ndarray:
         """'mean' or 'prior_width' of the coefficients (n_terms,), and what `precisions` has."""

@@ -173,12 +173,18 @@ class Surrogate(NativeObject):
     @property
     def data(self) -> dict[str, np.ndarray]:
         """The simulations on which it is trained: constants (n, k) and modulus_gpa (n,) in GPa,
-        euler_deg (n, 3); empty if there are none.
+        euler_deg (n, 3), and by_stiffness (n, 21), the derivatives of the modulus by C11, C12, ..
+        C66, 0 where they are unknown or not used; empty if there are none.
         """
         n = len(self._facts["simulated_modulus_gpa"])
         if not n:
             return {}
-        shapes = {"constants": (n, -1), "euler_deg": (n, 3), "modulus_gpa": (n,)}
+        shapes = {
+            "constants": (n, -1),
+            "euler_deg": (n, 3),
+            "modulus_gpa": (n,),
+            "by_stiffness": (n, -1),
+        }
         return {
             name: self._facts[f"simulated_{name}"].reshape(shape) for name, shape in shapes.items()
         }
