@@ -17,7 +17,7 @@ module build_loop
       & round_size, simulations_before, tempered
    use sequential_design, only: candidates_type, design_type, initial_set, new_candidates, &
       & set_candidates, update_posterior_mean
-   use problem, only: problem_type
+   use modulus_slopes, only: takes_slopes
    use simulate, only: derivatives_of, has_derivatives, identity_text, n_derivatives, &
       & outcome_done, outcome_failed, outcome_waiting
    use surrogate_learner, only: add_simulations, batch_end, change_basis, close_batch, learn, &
@@ -79,7 +79,8 @@ contains
          call new_learning(basis, design, self%learning, error)
          if (allocated(error)) return
          call set_candidates(self%learning%learner%design, basis, self%candidates%constants, &
-            & self%candidates%euler_deg, with_slopes(problem))
+            & self%candidates%euler_deg, &
+            & takes_slopes(basis) .and. has_derivatives(problem%settings))
          if (has_focus(problem)) then
             allocate (self%focus)
             allocate (self%focus%rounds(0))
@@ -142,13 +143,6 @@ contains
          end associate
       end subroutine replay
    end subroutine begin
-
-   !> Whether the regression takes derivatives, and simulations have them.
-   logical function with_slopes(problem)
-      type(problem_type), intent(in) :: problem
-
-      with_slopes = problem%settings%surrogate%derivatives .and. has_derivatives(problem%settings)
-   end function with_slopes
 
    !> Train on the rows that are left, batch by batch.
    subroutine train_on_rows(build, whole, error)
@@ -337,7 +331,8 @@ contains
          call change_basis(learning, surrogate%basis, error)
          if (allocated(error)) return
          call set_candidates(learning%learner%design, surrogate%basis, build%candidates%constants, &
-            & build%candidates%euler_deg, with_slopes(build%problem))
+            & build%candidates%euler_deg, takes_slopes(surrogate%basis) &
+            & .and. has_derivatives(build%problem%settings))
          build%stopped = ''
          if (learning%n() >= design%budget) build%stopped = 'the budget is used'
          if (is_accurate(focus)) build%stopped = 'the surrogate is accurate at the posterior'

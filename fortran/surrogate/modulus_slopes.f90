@@ -12,9 +12,17 @@ module modulus_slopes
    use logarithmic_coordinates, only: log_coordinates_type, new_log_coordinates
    implicit none
    private
-   public :: evaluate_slopes, count_slopes
+   public :: evaluate_slopes, count_slopes, takes_slopes
 
 contains
+
+   !> Whether a basis is trained on derivatives. Where y depends on the scale, the polynomials fit
+   !> values at the posterior better than values and derivatives together.
+   pure logical function takes_slopes(basis)
+      class(basis_type), intent(in) :: basis
+
+      takes_slopes = basis%settings%derivatives .and. .not. basis%domain%has_scale()
+   end function takes_slopes
 
    !> Number of derivatives of each crystal.
    pure integer function count_slopes(basis)

@@ -10,7 +10,7 @@ module surrogate_learner
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, &
       & leave_groups_out, maximise_evidence, new_regression, scale_columns
    use kinds, only: degree, wp
-   use modulus_slopes, only: count_slopes, evaluate_slopes
+   use modulus_slopes, only: count_slopes, evaluate_slopes, takes_slopes
    use simulate, only: n_derivatives
    use statistics, only: number_equal
    use sequential_design, only: compute_variances, condition_on, design_type, refresh_interval, &
@@ -111,7 +111,7 @@ contains
          end if
          if (allocated(error)) return
          n_slopes = 0
-         if (basis%settings%derivatives) then
+         if (takes_slopes(basis)) then
             n_slopes = merge(count_slopes(basis), 0, any(abs(simulations%by_stiffness) > 0.0_wp, 1))
          end if
          allocate (y(size(modulus) + sum(n_slopes)))
