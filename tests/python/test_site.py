@@ -5,7 +5,7 @@ import re
 import pytest
 
 from support.tree import SOURCE
-from tools import docs, house
+from tools import docs, house, release
 
 
 def test_the_site_builds_without_a_warning(tmp_path):
@@ -14,6 +14,7 @@ def test_the_site_builds_without_a_warning(tmp_path):
     done = docs.build(tmp_path, False, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / "searchindex.js").exists()
+    assert release.faults_of_site(tmp_path) == []
     # Each script of the gallery has a page with the script and a notebook.
     for script in (SOURCE / "docs" / "gallery").glob("*.py"):
         assert (tmp_path / "examples" / f"{script.stem}.html").exists()
