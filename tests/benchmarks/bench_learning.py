@@ -4,11 +4,11 @@ number of simulations, and whether its sd is honest.
 The unseen crystals are simulated once and kept in campaign.sqlite (run again to go on): on the
 paper's block those of the literature in random directions, of the paper's two domains, random
 orthorhombic ones, and triclinic ones that are spread over the domain; in a grain cubic, hexagonal
-and orthorhombic ones that are spread over the domain, where there is a scale up to three times as stiff as the surroundings or as
-compliant, and errors are in per cent. For each seed a correction is built with its defaults, step
-by step; beside it theory alone, and theory times the one ratio of the correction's simulations. One
-and the same correction for all kinds of crystals. On the block there is also the paper's own model,
-which learns a class at a time, as in inputs/case_studies.
+and orthorhombic ones that are spread over the domain, where there is a scale up to three times as
+stiff as the surroundings or as compliant, and errors are in per cent. For each seed a correction is
+built with its defaults, step by step; beside it theory alone, and theory times the one ratio of the
+correction's simulations. One and the same correction for all kinds of crystals. On the block there
+is also the paper's own model, which learns a class at a time, as in inputs/case_studies.
 """
 
 import argparse

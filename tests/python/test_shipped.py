@@ -10,18 +10,18 @@ BLOCK = bi.Surrogate.load("block")
 
 def test_its_provenance_says_how_it_was_made():
     assert "geometry = 'block'" in BLOCK.provenance["namelist"]
-    assert BLOCK.provenance["simulations"] == len(BLOCK.data["modulus_gpa"]) == 150
+    assert BLOCK.provenance["simulations"] == len(BLOCK.data["modulus_gpa"]) == 60
     assert BLOCK.basis.model == "correction" and BLOCK.symmetry == "triclinic"
 
 
 def test_its_coefficients_follow_from_its_simulations():
     again = bi.Surrogate.fit(**BLOCK.data)
-    np.testing.assert_allclose(again.coefficients, BLOCK.coefficients, atol=1e-8)
-    np.testing.assert_allclose(again.covariance, BLOCK.covariance, atol=1e-10)
+    np.testing.assert_allclose(again.coefficients, BLOCK.coefficients, atol=1e-6)
+    np.testing.assert_allclose(again.covariance, BLOCK.covariance, atol=1e-8)
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("number", [3, 77])
+@pytest.mark.parametrize("number", [3, 47])
 def test_its_simulations_are_those_of_the_block(number):
     data = {name: values[number] for name, values in BLOCK.data.items()}
     crystal = bi.stiffness(

@@ -89,13 +89,15 @@ class Surrogate(NativeObject):
         constants: ArrayLike,
         euler_deg: ArrayLike,
         modulus_gpa: ArrayLike,
+        by_stiffness: ArrayLike | None = None,
         *,
         symmetry: str | None = None,
         domain: dict | None = None,
         **settings: Any,
     ) -> Surrogate:
         """A surrogate from simulated moduli (n,) of crystals (n, k) in GPa at angles (n, 3) in
-        degrees, by evidence maximisation.
+        degrees, and their derivatives (n, 21) by C11, C12, .. C66, if any, by evidence
+        maximisation.
 
         `symmetry` is the crystal class, and `domain` has the variables of &domain. Without bounds
         in it, triclinic constants describe the crystals.
@@ -105,6 +107,8 @@ class Surrogate(NativeObject):
         """
         basis = Basis.from_keywords(symmetry, domain, **settings)
         rows = basis.rows(constants, euler_deg)
+        if by_stiffness is not None:
+            rows["by_stiffness"] = np.asarray(by_stiffness, dtype=float)
         return cls(basis._call("fit", modulus_gpa=modulus_gpa, **rows)["handle"])
 
     def leave_out(self, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
