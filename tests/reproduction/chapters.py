@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from bayesindent.crystal.elasticity import anisotropy_index, halfspace_modulus, stiffness_rows
 from bayesindent.report.figures.learning import truncations, validation
-from bayesindent.report.figures.style import CYCLE, MARKERS, panels
+from bayesindent.report.figures.style import CYCLE, MARKERS, logarithmic, panels
 from bayesindent.report.results import Results as ReportResults
 from bayesindent.surrogate.surrogate import Surrogate
 from reproduction.arms import ARMS, FURTHER, JUDGES, PRIORS, SIZES
@@ -237,7 +237,7 @@ def zinc_figure(zinc: dict) -> Figure:
         x, y = np.array(mesh["depth_um"][k]) ** 1.5, np.array(mesh["force_mn"][k])
         left.plot(x, y, marker, ms=4, color=colour, label=f"Phi = {zinc['angles'][k]:g}°")
         left.plot([0, x[-1]], [0, x[-1] * (x @ y) / (x @ x)], color=colour, lw=1)
-    left.set(xlabel="h^1.5 (µm^1.5)", ylabel="force (mN)")
+    left.set(xlabel="h$^{1.5}$ (µm$^{1.5}$)", ylabel="force (mN)")
     left.legend()
     series = {
         "the paper's block": (mesh["modulus"], "o-"),
@@ -380,9 +380,8 @@ def arms_figure(results: Results) -> Figure:
                 axes.plot(
                     SIZES[symmetry], values, marker=marker, ms=4, color=colour, label=ARMS[arm]
                 )
-            axes.set(
-                xlabel=f"simulations ({symmetry})", ylabel=f"{label} error (GPa)", yscale="log"
-            )
+            axes.set(xlabel=f"simulations ({symmetry})", ylabel=f"{label} error (GPa)")
+            logarithmic(axes)
     handles, labels = grid[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper left", ncols=2)
     return figure
