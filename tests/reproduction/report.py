@@ -21,8 +21,8 @@ def make_page(results: Results, commit: str) -> Page:
     )
     if plan.is_quick:
         page.text(
-            "**Quick:** fewer simulations and seeds than in the paper, and theory in place of "
-            "simulations in the hexagonal case. Errors are not comparable with the paper's."
+            f"**Quick:** {results.simulations} simulations and few seeds; in the hexagonal case "
+            "theory in place of simulations. Errors are not comparable with the paper's."
         )
     page.heading("The paper beside ours")
     overview(page, results)
