@@ -145,5 +145,7 @@ def judges_by_simulation(symmetry: str, folder: Path, count: int, workers: int) 
         [symmetry, count],
         lambda: run_stage(problem_of(namelist, folder, "simulate"), "simulate", folder),
     )
-    modulus = [row["indentation_modulus_gpa"] for row in document["results"]]
-    return Pool(symmetry, constants, angles, np.array(modulus))
+    modulus = np.array([row["indentation_modulus_gpa"] for row in document["results"]], float)
+    # No modulus is given where the stated error of the mesh is above 5 %.
+    stated = np.isfinite(modulus)
+    return Pool(symmetry, constants[stated], angles[stated], modulus[stated])

@@ -114,8 +114,7 @@ def figures(results: Results) -> list[list[str]]:
     }
     causes = {
         "cubic": "other crystals and directions, which the paper does not list",
-        "hexagonal": "a few nearly unstable crystals: with an index of at most 10 errors are two "
-        "thirds of these",
+        "hexagonal": "other hypercubes: a few nearly unstable crystals have the large errors",
     }
     for symmetry, document in (("cubic", cubic), ("hexagonal", hexagonal)):
         paper, (first, last) = STUDIES[symmetry], texts[symmetry]

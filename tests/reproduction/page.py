@@ -54,7 +54,7 @@ class Page:
         self, caption: str, header: Sequence[str], rows: Sequence[Sequence], prose: bool = False
     ) -> None:
         """A table; `prose`: its cells are sentences."""
-        rows = [list(map(str, row)) for row in rows]
+        header, rows = list(map(str, header)), [list(map(str, row)) for row in rows]
         lines = [header, ["---"] * len(header), *rows]
         marked = "\n".join(f"| {' | '.join(row)} |" for row in lines)
         self.markdown.append(f"{caption}\n\n{marked}")
