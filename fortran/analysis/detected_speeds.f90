@@ -7,7 +7,7 @@ module detected_speeds
    use observables, only: path_type
    use point_tables, only: points_type
    use problem, only: problem_type
-   use problem_posterior, only: detection_run, new_table_posterior, run_type, sample_aside
+   use problem_posterior, only: pilot_run, new_table_posterior, run_type, sample_aside
    use rayleigh_wave, only: new_surface, surface_type, surface_waves, wave_type
    use samplers, only: chains_type
    use settings_schema, only: measurements_settings_type
@@ -63,7 +63,7 @@ contains
          call new_table_posterior(problem, model_of_round, detected, surrogate, posterior, &
             & error)
          if (allocated(error)) return
-         call sample_aside(problem, posterior, detection_run, chains, error)
+         call sample_aside(problem, posterior, pilot_run, chains, error)
          if (allocated(error)) return
          ! A speed that was left out in one round is not taken up in a later one.
          retained = retained .and. are_detected(posterior, chains%draws(:, :, 1), &

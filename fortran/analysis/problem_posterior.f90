@@ -33,15 +33,15 @@ module problem_posterior
       !> Number of the random stream of the first chain; each further chain has the next one. The
       !> chains that &sampler asks for have the streams from 1.
       integer :: first_stream
-      !> Finished chains are stored in the folder `kept_in` of the problem.
-      logical :: is_stored = .true.
+      !> Whether any draws near the posterior are good enough. No chain is then stored in the folder
+      !> `kept_in` of the problem.
+      logical :: is_rough = .false.
    end type run_type
-   !> Chains that show how the posterior must be evaluated; that show which speeds are detected; of
-   !> the prior; of the posterior without &knowledge; of the posterior by the theory alone; and of
+   !> Chains that show how the posterior must be evaluated, or which speeds are detected; of the
+   !> prior; of the posterior without &knowledge; of the posterior by the theory alone; and of
    !> the posterior at which simulations are chosen.
-   type(run_type), parameter, public :: pilot_run = run_type(3000, 400, 2, 2000001)
-   type(run_type), parameter, public :: detection_run &
-      & = run_type(3000, 400, 2, 2000001, is_stored=.false.)
+   type(run_type), parameter, public :: pilot_run &
+      & = run_type(3000, 400, 2, 2000001, is_rough=.true.)
    type(run_type), parameter, public :: prior_run = run_type(5000, 2500, 4, 1000001)
    type(run_type), parameter, public :: free_run = run_type(2000, 500, 2, 3000001)
    type(run_type), parameter, public :: theory_run = run_type(5000, 1500, 4, 4000001)
@@ -354,7 +354,8 @@ contains
    subroutine sample_posterior(problem, posterior, chains, error)
       type(problem_type), intent(in) :: problem
       type(posterior_type), intent(in) :: posterior
-      type(chains_type), intent(out) :: chains
+      !> On entry it may have the samplers of a similar posterior.
+      type(chains_type), intent(inout) :: chains
       type(error_type), allocatable, intent(out) :: error
 
       call check_step_2(problem, error)
@@ -392,18 +393,19 @@ contains
       !> Of the sampler; and what tells these chains from those of other runs.
       character(len=*), intent(in) :: method, label
       type(run_type), intent(in) :: run
-      type(chains_type), intent(out) :: chains
+      type(chains_type), intent(inout) :: chains
       type(error_type), allocatable, intent(out) :: error
       character(len=*), parameter :: groups = 'problem measurements prior knowledge'
       character(len=:), allocatable :: identity
-      type(sampler_type) :: sampler
+      class(sampler_type), allocatable :: sampler
       type(checkpoint_type) :: checkpoint
       type(posterior_type) :: condensed
 
       call new_sampler(method, run%burn_in, sampler, error)
+      if (run%is_rough) sampler%efforts = 1
       ! The evaluation of the theory changes the density, perhaps not at the points by which a
       ! checkpoint recognises it: the label of the checkpoint therefore contains its limit.
-      if (allocated(problem%run%kept_in) .and. run%is_stored) then
+      if (allocated(problem%run%kept_in) .and. .not. run%is_rough) then
          identity = label//' '//to_text(run%burn_in)//' '//to_text(run%samples)//' ' &
             & //to_text(density%grains%full_above)//settings_namelist(problem%settings, groups)
          call new_checkpoint(problem%run%kept_in, identity, density, checkpoint)

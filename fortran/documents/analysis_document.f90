@@ -12,6 +12,7 @@ module analysis_document
    use kinds, only: i8, nan, wp
    use resolved_namelist, only: resolved_text
    use rivals, only: diagnosis_type
+   use model_evidence, only: log_mass
    use named_values, only: named_values_reader_type, named_values_type, restore
    use observables, only: path_names, surface_path
    use posterior_diagnostics, only: known_text, powers_text
@@ -91,6 +92,16 @@ contains
       call page%put('samples', size(found%chains%draws, 2))
       call page%put('chains', size(found%chains%draws, 3))
       call page%put('method', found%problem%settings%sampler%method)
+      if (allocated(found%chains%estimates)) then
+         associate (estimates => found%chains%estimates)
+            call page%begin_object('independent_draws')
+            call page%put('pareto_k', maxval(estimates%pareto_k))
+            call page%put('log_evidence', sum(estimates%log_integral)/size(estimates) &
+               & - log_mass(found%posterior))
+            call page%put('log_evidence_sd', norm2(estimates%log_integral_error)/size(estimates))
+            call page%end_object()
+         end associate
+      end if
       call page%put('seconds', found%seconds)
    end subroutine write_analysis
 

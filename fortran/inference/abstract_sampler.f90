@@ -6,7 +6,7 @@ module abstract_sampler
    use random, only: random_stream_type
    implicit none
    private
-   public :: sampler_type, chain_type, draw_starts, target_type, outside
+   public :: sampler_type, chain_type, estimate_type, draw_starts, target_type, outside
 
    !> Logarithm of a density outside its support.
    real(wp), parameter :: outside = -huge(1.0_wp)
@@ -43,6 +43,19 @@ module abstract_sampler
       end subroutine evaluate_interface
    end interface
 
+   !> What weighted draws say of a density in the working coordinates.
+   type :: estimate_type
+      !> Logarithm of the integral of the density, and its standard error.
+      real(wp) :: log_integral = 0.0_wp, log_integral_error = 0.0_wp
+      !> Shape of the tail of the weights, and of the weights times the squared deviation of any
+      !> coordinate (the greatest).
+      real(wp) :: pareto_k = 0.0_wp
+      !> Greatest weight of a draw, in mean weights.
+      real(wp) :: greatest_weight = 0.0_wp
+      !> Mean and sd of each coordinate, and their standard errors, (dimension).
+      real(wp), allocatable :: mean(:), sd(:), mean_error(:), sd_error(:)
+   end type estimate_type
+
    !> A chain, of which the sampler fills the arrays.
    type :: chain_type
       !> draws(parameter, sample) and their log densities, (sample).
@@ -51,23 +64,31 @@ module abstract_sampler
       real(wp) :: acceptance = 0.0_wp
       !> Whether a start with a finite density was found. Without one there is no chain.
       logical :: started = .false.
+      !> Allocated if all proposals were independent draws of a fixed density.
+      type(estimate_type), allocatable :: estimate
    end type chain_type
 
-   type :: sampler_type
+   type, abstract :: sampler_type
       character(len=8) :: name = ''
-      procedure(run_interface), pointer, nopass :: run => null()
       !> Number of sweeps before the first retained sample. A sweep evaluates the density once for
       !> each parameter.
       integer :: burn_in = 0
+      !> Number of efforts, see `run`; and of runs that are enough for a multiple of so many chains:
+      !> a run then makes several chains, one after the other.
+      integer :: efforts = 1, most_runs = huge(1)
+   contains
+      !> Run one chain. Several threads call it at the same time, each with its own sampler. It may
+      !> return early once `stop_requested` is true.
+      procedure(run_interface), deferred :: run
    end type sampler_type
 
    abstract interface
-      !> Run one chain. Several threads call it at the same time. It may return early once
-      !> `stop_requested` is true.
-      subroutine run_interface(burn_in, target, stream, chain)
+      subroutine run_interface(self, effort, target, stream, chain)
          import
-         !> See `sampler_type`.
-         integer, intent(in) :: burn_in
+         class(sampler_type), intent(inout) :: self
+         !> 1 at first. A larger number takes more time; it follows if an estimate of the last one
+         !> is unreliable. The chain of the last effort has no estimate.
+         integer, intent(in) :: effort
          class(target_type), intent(in) :: target
          type(random_stream_type), intent(inout) :: stream
          type(chain_type), intent(inout) :: chain

@@ -3,7 +3,7 @@
 !> point, and with procedures that set it up or tune it. Whoever moves accepts, by `is_accepted`.
 module moves
    use abstract_sampler, only: outside, target_type
-   use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, &
+   use student_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture, &
       & widen_mixture
    use kinds, only: wp
    use random, only: random_stream_type
@@ -32,17 +32,26 @@ module moves
 
    !> Independent draws of a normal mixture, in whitened coordinates.
    type :: mixture_move_type
-      type(whitening_type), private :: whitening
+      type(whitening_type) :: whitening
       type(mixture_type) :: mixture
-      !> Estimated effective share of the draws; 0 if they are useless.
-      real(wp) :: quality = 0.0_wp
       !> Draws of the mixture, which do not depend on the state of the chain.
       type(points_type) :: pool
       !> Number of the proposed draw in the pool. No step has used those before it. It is 0 if all
       !> draws of all attempts were outside the support.
       integer :: next = 0
+      !> Of the last `draw_inside`: the logarithms of the weights of the pool's draws, which are the
+      !> ratios of the density to that of the mixture in whitened coordinates; the effective share of
+      !> these draws, 0 if they are useless; and the share of all draws in the support.
+      real(wp), allocatable :: log_weights(:)
+      real(wp) :: quality = 0.0_wp, share_inside = 0.0_wp
+      !> Some of its draws outside the support, (dimension, draw).
+      real(wp), allocatable, private :: outer(:, :)
+      !> What the mixture was fitted to, before it was widened: the archive and draws, (dimension,
+      !> point), and the weights of the draws.
+      type(mixture_type), private :: fitted
+      real(wp), allocatable, private :: points(:, :), weights(:)
    contains
-      procedure :: setup => fit_proposals, propose => propose_draw
+      procedure :: setup => fit_to_archive, draw_inside, learn, propose => propose_draw
       procedure, private :: draw
    end type mixture_move_type
 
@@ -174,85 +183,91 @@ contains
       call target%evaluate_working(self%pool%w, self%pool%log_density)
    end subroutine draw
 
-   !> Fit the mixture to the archive, then improve it by importance sampling. Draws outside the
-   !> support are data as well, so that the mixture does not avoid the bounds. The archive stays
-   !> among the data, so that a tail that the mixture lost comes back.
-   subroutine fit_proposals(self, target, archive, whitening, samples, stream)
+   !> Fit the mixture to an archive.
+   subroutine fit_to_archive(self, archive, whitening)
       class(mixture_move_type), intent(inout) :: self
-      class(target_type), intent(in) :: target
       class(points_type), intent(in) :: archive
       type(whitening_type), intent(in) :: whitening
-      !> Number of samples of the chain. A long search is not worth its time for few of them.
-      integer, intent(in) :: samples
-      type(random_stream_type), intent(inout) :: stream
-      integer, parameter :: components = 16, least_draws = 600, most_draws = 3000, &
-         & most_outside = 3000, least_rounds = 4, most_rounds = 12
-      !> Weight of the archive among the data, and the effective share of draws below which the
-      !> search ends: steps along differences alone do better then.
-      real(wp), parameter :: archive_share = 0.3_wp, least_quality = 0.01_wp
-      type(mixture_type) :: fitted
-      !> (dimension, point), (point), (draw of the support), (dimension, draw outside the support).
-      real(wp), allocatable :: points(:, :), weights(:), importance(:), rejected(:, :)
-      integer :: i, round, n_archived, n_inside, n_outside, n_rejected, n_draws
+      integer, parameter :: components = 16, steps = 15
 
       self%whitening = whitening
-      n_draws = min(most_draws, max(least_draws, samples/3))
-      n_archived = size(archive%u, 2)
-      allocate (weights(n_archived + n_draws + most_outside), source=1.0_wp)
-      allocate (points(target%dimension, size(weights)), importance(n_draws), &
-         & rejected(target%dimension, most_outside))
-      points(:, :n_archived) = archive%u
-      call new_mixture(archive%u, components, fitted)
-      call fit_mixture(archive%u, weights(:n_archived), 15, fitted)
-      do round = 1, most_rounds
-         if (stop_requested()) return
-         call widen_mixture(fitted, self%mixture)
-         n_inside = 0
-         n_outside = 0
-         do while (n_inside < n_draws .and. n_outside < 10*n_draws)
-            call self%draw(target, stream, min(n_draws - n_inside, 10*n_draws - n_outside))
-            do i = 1, size(self%pool%log_density)
-               associate (u => self%pool%u(:, i), density => self%pool%log_density(i))
-                  if (density > outside) then
-                     n_inside = n_inside + 1
-                     points(:, n_archived + n_inside) = u
-                     importance(n_inside) = density - log_mixture(self%mixture, u)
-                  else
-                     n_outside = n_outside + 1
-                     if (n_outside <= most_outside) rejected(:, n_outside) = u
-                  end if
-               end associate
-            end do
+      self%points = archive%u
+      self%weights = [real(wp) ::]
+      call new_mixture(archive%u, components, self%fitted)
+      call fit_mixture(archive%u, spread(1.0_wp, 1, size(archive%u, 2)), steps, self%fitted)
+      call widen_mixture(self%fitted, self%mixture)
+   end subroutine fit_to_archive
+
+   !> Draw points until enough are in the support.
+   subroutine draw_inside(self, target, stream, n)
+      class(mixture_move_type), intent(inout) :: self
+      class(target_type), intent(in) :: target
+      type(random_stream_type), intent(inout) :: stream
+      !> Number of points. There are fewer if most draws are outside the support.
+      integer, intent(in) :: n
+      integer, parameter :: at_once = 512, tries = 10, most_outside = 3000
+      type(points_type) :: found
+      integer :: i, n_inside, n_outside
+
+      found = new_points(target%dimension, n)
+      self%log_weights = spread(0.0_wp, 1, n)
+      self%outer = reshape([real(wp) ::], [target%dimension, most_outside], [0.0_wp])
+      n_inside = 0
+      n_outside = 0
+      do while (n_inside < n .and. n_outside < tries*n .and. .not. stop_requested())
+         call self%draw(target, stream, min(at_once, n - n_inside))
+         do i = 1, size(self%pool%log_density)
+            associate (u => self%pool%u(:, i), density => self%pool%log_density(i))
+               if (density > outside) then
+                  n_inside = n_inside + 1
+                  call found%set(n_inside, self%pool, i)
+                  self%log_weights(n_inside) = density - log_mixture(self%mixture, u)
+               else
+                  n_outside = n_outside + 1
+                  if (n_outside <= most_outside) self%outer(:, n_outside) = u
+               end if
+            end associate
          end do
-         self%quality = 0.0_wp
-         if (n_inside == 0) return
-         associate (weight => importance(:n_inside))
-            weight = exp(weight - maxval(weight))
-            self%quality = sum(weight)**2/sum(weight**2)/n_inside
-            ! Stop only after the mixture itself has shown that it is good: its draws may have found
-            ! a tail.
-            if (round == most_rounds) return
-            if (round >= least_rounds .and. self%quality > 0.5_wp) return
-            if (round >= least_rounds &
-               & .and. self%quality*n_inside/(n_inside + n_outside) < least_quality) then
-               self%quality = 0.0_wp
-               return
-            end if
-            ! Truncated weights (Ionides, J. Comput. Graph. Stat. 17, 295, 2008) keep one point from
-            ! dominating.
-            weight = min(weight, sum(weight)/sqrt(real(n_inside, wp)))
-            weights(:n_archived) = archive_share*n_inside/n_archived
-            weights(n_archived + 1:n_archived + n_inside) &
-               & = (1.0_wp - archive_share)*n_inside/sum(weight)*weight
-         end associate
-         n_rejected = min(n_outside, most_outside)
-         i = n_archived + n_inside
-         points(:, i + 1:i + n_rejected) = rejected(:, :n_rejected)
-         weights(i + 1:i + n_rejected) = real(n_outside, wp)/max(1, n_rejected)
-         i = i + n_rejected
-         call fit_mixture(points(:, :i), weights(:i), 6, fitted)
       end do
-   end subroutine fit_proposals
+      self%pool%w = found%w(:, :n_inside)
+      self%pool%u = found%u(:, :n_inside)
+      self%pool%log_density = found%log_density(:n_inside)
+      self%log_weights = self%log_weights(:n_inside)
+      self%outer = self%outer(:, :min(n_outside, most_outside))
+      self%share_inside = real(n_inside, wp)/max(1, n_inside + n_outside)
+      associate (weights => exp(self%log_weights - maxval(self%log_weights)))
+         self%quality = 0.0_wp
+         if (n_inside > 0) self%quality = sum(weights)**2/sum(weights**2)/n_inside
+      end associate
+   end subroutine draw_inside
+
+   !> Fit the mixture to the archive and to all draws by their weights. Draws outside the support
+   !> are data as well, so that the mixture does not avoid the bounds. The archive stays among the
+   !> data, so that a tail that the mixture lost comes back.
+   subroutine learn(self)
+      class(mixture_move_type), intent(inout) :: self
+      !> Weight of the archive among the data inside the support.
+      real(wp), parameter :: archive_share = 0.3_wp
+      integer, parameter :: steps = 6
+      real(wp), allocatable :: weights(:), all_weights(:)
+      integer :: n_archived
+
+      n_archived = size(self%points, 2) - size(self%weights)
+      ! Truncated weights (Ionides, J. Comput. Graph. Stat. 17, 295, 2008) keep one point from
+      ! dominating. Those of a round of draws sum to their effective number.
+      weights = exp(self%log_weights - maxval(self%log_weights))
+      weights = min(weights, sum(weights)/sqrt(real(size(weights), wp)))
+      self%weights = [self%weights, weights*sum(weights)/sum(weights**2)]
+      associate (n => size(self%weights), n_outer => size(self%outer, 2))
+         self%points = reshape([self%points, self%pool%u], [size(self%points, 1), n_archived + n])
+         all_weights = [spread(archive_share*n/n_archived, 1, n_archived), &
+            & (1.0_wp - archive_share)*n/sum(self%weights)*self%weights, &
+            & spread((1.0_wp/self%share_inside - 1.0_wp)*n/max(1, n_outer), 1, n_outer)]
+      end associate
+      call fit_mixture(reshape([self%points, self%outer], [size(self%points, 1), &
+         & size(all_weights)]), all_weights, steps, self%fitted)
+      call widen_mixture(self%fitted, self%mixture)
+   end subroutine learn
 
    !> Move the parameter j, in place.
    subroutine propose_step(self, stream, j, parameter)

@@ -27,20 +27,21 @@ module ridge_coordinates
    integer, parameter :: points_a_term = 10
 
    type :: whitening_type
-      private
-      integer :: n = 0
+      !> Logarithm of the volume in working coordinates of the unit of volume in whitened ones.
+      real(wp) :: log_volume = 0.0_wp
+      integer, private :: n = 0
       !> Mean of the points; maps to their principal axes z, of unit variance, and back; sd of each
       !> z less its polynomial.
-      real(wp), allocatable :: centre(:), forward(:, :), backward(:, :), width(:)
+      real(wp), allocatable, private :: centre(:), forward(:, :), backward(:, :), width(:)
       !> A feature is a product of coordinates z. Feature k is the earlier feature `parent(k)` times
       !> the coordinate `axis(k)`. The features of the first m coordinates are the first
       !> `n_features(m)`, m from 0.
-      integer, allocatable :: parent(:), axis(:), n_features(:)
+      integer, allocatable, private :: parent(:), axis(:), n_features(:)
       !> Coefficients of the features of z(1) .. z(j-1), for coordinate j.
-      real(wp), allocatable :: coefficients(:, :)
+      real(wp), allocatable, private :: coefficients(:, :)
       !> Range of each z in which the polynomial was fitted. Beyond it the polynomial continues
       !> along its tangent for 12 % of the range, and is constant from there on.
-      real(wp), allocatable :: least(:), greatest(:)
+      real(wp), allocatable, private :: least(:), greatest(:)
    contains
       procedure :: to_white, from_white
    end type whitening_type
@@ -155,6 +156,7 @@ contains
          whitening%width(j) = max(1.0e-8_wp, &
             & sqrt(sum((z(j, :) - matmul(whitening%coefficients(:m, j), f(:m, :)))**2)/n_points))
       end do
+      whitening%log_volume = sum(log(values)) + sum(log(whitening%width))
    end subroutine fit_whitening
 
    !> From working coordinates `w` to whitened ones `u`.

@@ -11,21 +11,22 @@
 !> damaged, is drawn again.
 module samplers
    use, intrinsic :: iso_c_binding, only: c_char
-   use abstract_sampler, only: chain_type, draw_starts, sampler_type, target_type
-   use ensemble_sampler, only: run_ensemble
+   use abstract_sampler, only: chain_type, draw_starts, estimate_type, sampler_type, target_type
+   use ensemble_sampler, only: ensemble_sampler_type, most_efforts
    use errors, only: error_type, raise, refuse
    use files, only: checksum
+   use independent_draws, only: agree
    use kinds, only: i8, wp
    use machine, only: raise_no_memory
    use named_values, only: named_values_reader_type, named_values_type, restore
    use random, only: new_random_stream, random_stream_type
    use progress, only: advance_progress, begin_progress, end_progress
    use running_command, only: listen, stop_listening, stop_requested
-   use scmh_sampler, only: run_scmh
+   use scmh_sampler, only: scmh_sampler_type
    use text, only: join, to_text
    implicit none
    private
-   public :: listed_samplers, sampler_names, new_sampler, run_settings_type, chains_type, &
+   public :: new_sampler, run_settings_type, chains_type, &
       & sample_chains, checkpoint_type, new_checkpoint
 
    !> Prefix of the names of these files.
@@ -41,6 +42,15 @@ module samplers
       procedure :: restore => restore_chain, store => store_chain
    end type checkpoint_type
 
+   !> Names that the user may choose.
+   character(len=*), parameter, public :: sampler_names = 'ensemble, scmh'
+
+   !> Independent draws of a target whose starts have its density.
+   type, extends(sampler_type) :: direct_sampler_type
+   contains
+      procedure :: run => run_direct
+   end type direct_sampler_type
+
    type :: run_settings_type
       !> Number of samples of each chain after the burn-in.
       integer :: samples = 2500
@@ -52,6 +62,10 @@ module samplers
       real(wp), allocatable :: draws(:, :, :)
       !> log_density(sample, chain), acceptance(chain).
       real(wp), allocatable :: log_density(:, :), acceptance(:)
+      !> Estimates of the runs; allocated if the draws are independent and these agree.
+      type(estimate_type), allocatable :: estimates(:)
+      !> The samplers of the runs, as the chains left them.
+      class(sampler_type), allocatable :: samplers(:)
    contains
       procedure :: best_draw
    end type chains_type
@@ -128,60 +142,50 @@ contains
       call values%store(self%stem//to_text(number), error)
    end subroutine store_chain
 
-   !> All samplers: a new one needs a module and a line here. The user may choose those before
-   !> `direct`.
-   function listed_samplers() result(list)
-      type(sampler_type), allocatable :: list(:)
-
-      list = [sampler_type('ensemble', run_ensemble), &
-         & sampler_type('scmh', run_scmh), &
-         & sampler_type('direct', run_direct)]
-   end function listed_samplers
-
-   !> Names that the user may choose.
-   function sampler_names() result(names)
-      character(len=:), allocatable :: names
-      type(sampler_type), allocatable :: list(:)
-
-      allocate (list, source=listed_samplers())
-      names = join(list(:size(list) - 1)%name, ', ')
-   end function sampler_names
-
-   !> Make a sampler by its name.
+   !> Make a sampler by its name: a new one needs a module, a name in the list and a line here. The
+   !> user may choose those of the list.
    subroutine new_sampler(name, burn_in, sampler, error)
       character(len=*), intent(in) :: name
       !> Number of sweeps before the first retained sample.
       integer, intent(in) :: burn_in
-      type(sampler_type), intent(out) :: sampler
+      class(sampler_type), allocatable, intent(out) :: sampler
       type(error_type), allocatable, intent(out) :: error
-      type(sampler_type), allocatable :: list(:)
-      integer :: i
 
-      allocate (list, source=listed_samplers())
-      do i = 1, size(list)
-         if (list(i)%name == name) sampler = list(i)
-      end do
+      select case (name)
+      case ('ensemble')
+         allocate (ensemble_sampler_type :: sampler)
+         sampler%efforts = most_efforts
+         sampler%most_runs = 2
+      case ('scmh')
+         allocate (scmh_sampler_type :: sampler)
+      case ('direct')
+         allocate (direct_sampler_type :: sampler)
+      case default
+         call refuse(error, 'method: '''//name//''' is unknown; allowed: '//sampler_names)
+         return
+      end select
+      sampler%name = name
       sampler%burn_in = burn_in
-      if (.not. associated(sampler%run)) then
-         call refuse(error, 'method: '''//name//''' is unknown; allowed: '//sampler_names())
-      end if
    end subroutine new_sampler
 
    !> Draw independently from a target whose starts are distributed by its density, such as a prior
    !> without knowledge. Every draw is accepted.
-   subroutine run_direct(burn_in, target, stream, chain)
-      !> Number of sweeps that the progress includes. None is needed.
-      integer, intent(in) :: burn_in
+   subroutine run_direct(self, effort, target, stream, chain)
+      class(direct_sampler_type), intent(inout) :: self
+      !> There is one.
+      integer, intent(in) :: effort
       class(target_type), intent(in) :: target
       type(random_stream_type), intent(inout) :: stream
       !> It is started if enough points of the support were found.
       type(chain_type), intent(inout) :: chain
       integer :: n_found
 
+      associate (unused => effort)
+      end associate
       call draw_starts(target, stream, chain%draws, chain%log_density, n_found)
       chain%acceptance = 1.0_wp
       chain%started = n_found == size(chain%log_density)
-      call advance_progress(int(burn_in + size(chain%log_density), i8))
+      call advance_progress(int(self%burn_in + size(chain%log_density), i8))
    end subroutine run_direct
 
    !> The draw of highest density.
@@ -197,49 +201,46 @@ contains
    !> Run all chains except those that the checkpoint has.
    subroutine sample_chains(target, sampler, settings, chains, error, checkpoint)
       class(target_type), intent(in) :: target
-      type(sampler_type), intent(in) :: sampler
+      class(sampler_type), intent(in) :: sampler
       type(run_settings_type), intent(in) :: settings
-      type(chains_type), intent(out), target :: chains
+      !> On entry it may have the samplers of a similar target, which then begin where they are.
+      type(chains_type), intent(inout), target :: chains
       type(error_type), allocatable, intent(out) :: error
-      !> Stores each chain as soon as it is finished.
+      !> Stores each Markov chain as soon as it is finished.
       type(checkpoint_type), intent(in) :: checkpoint
-      type(random_stream_type) :: stream
-      type(chain_type) :: each(settings%chains)
-      integer :: k, number, stat
+      type(chain_type), allocatable :: each(:)
+      logical, allocatable :: is_restored(:)
+      integer :: effort, k, n, last, length, stat
       logical :: interrupted
 
+      n = settings%chains
+      if (n > sampler%most_runs .and. mod(n, sampler%most_runs) == 0) n = sampler%most_runs
+      call begin_chains(sampler, n, chains)
       allocate (chains%draws(target%dimension, settings%samples, settings%chains), &
-         & chains%log_density(settings%samples, settings%chains), &
-         & chains%acceptance(settings%chains), source=0.0_wp, stat=stat)
+         & chains%log_density(settings%samples, settings%chains), source=0.0_wp, stat=stat)
       if (stat /= 0) then
          call raise_no_memory(to_text(settings%chains)//' chains of '//to_text(settings%samples) &
             & //' samples', error)
          return
       end if
-      call listen()
-      call begin_progress('sampling', int(settings%chains, i8)*(sampler%burn_in + settings%samples))
-      !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) &
-      !$omp & private(stream, number)
-      do k = 1, settings%chains
-         each(k)%draws => chains%draws(:, :, k)
-         each(k)%log_density => chains%log_density(:, k)
-         number = settings%first_stream + k - 1
-         !$omp critical (chain_files)
-         call checkpoint%restore(number, each(k))
-         !$omp end critical (chain_files)
-         if (each(k)%started) then
-            call advance_progress(int(sampler%burn_in + settings%samples, i8))
-            cycle
-         end if
-         stream = new_random_stream(settings%seed, number)
-         call sampler%run(sampler%burn_in, target, stream, each(k))
-         if (.not. each(k)%started .or. stop_requested()) cycle
-         !$omp critical (chain_files)
-         call checkpoint%store(number, each(k))
-         !$omp end critical (chain_files)
+      allocate (each(n))
+      do k = 1, n
+         last = k*(settings%chains/n)
+         length = settings%samples*(settings%chains/n)
+         associate (first => last - settings%chains/n + 1)
+            each(k)%draws(1:target%dimension, 1:length) => chains%draws(:, :, first:last)
+            each(k)%log_density(1:length) => chains%log_density(:, first:last)
+         end associate
+         call checkpoint%restore(settings%first_stream + k - 1, each(k))
       end do
-      !$omp end parallel do
-      chains%acceptance = each%acceptance
+      call listen()
+      call begin_progress('sampling', int(n, i8)*(sampler%burn_in + length))
+      is_restored = each%started
+      do effort = 1, sampler%efforts
+         call run_each()
+         if (stop_requested() .or. .not. all(each%started)) exit
+         if (are_reliable(each)) exit
+      end do
       interrupted = stop_requested()
       call stop_listening()
       call end_progress()
@@ -250,6 +251,62 @@ contains
          call raise(error, 'chain '//to_text(k) &
             & //': no admissible point with a finite density was found within the bounds')
       end if
+      if (allocated(error)) return
+      chains%acceptance = [(each(1 + (k - 1)/(settings%chains/n))%acceptance, k=1, settings%chains)]
+      if (are_reliable(each)) chains%estimates = [(each(k)%estimate, k=1, n)]
+
+   contains
+
+      !> Run the samplers of the chains that were not restored.
+      subroutine run_each()
+         type(random_stream_type) :: stream
+         integer :: i, number
+
+         !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) &
+         !$omp & private(stream, number)
+         do i = 1, n
+            if (is_restored(i)) cycle
+            number = settings%first_stream + i - 1
+            stream = new_random_stream(settings%seed, number)
+            call chains%samplers(i)%run(effort, target, stream, each(i))
+            if (effort < sampler%efforts .or. .not. each(i)%started .or. stop_requested()) cycle
+            !$omp critical (chain_files)
+            call checkpoint%store(number, each(i))
+            !$omp end critical (chain_files)
+         end do
+         !$omp end parallel do
+      end subroutine run_each
    end subroutine sample_chains
+
+   !> Set up the samplers of some runs, if there are none of this kind yet.
+   subroutine begin_chains(sampler, n, chains)
+      class(sampler_type), intent(in) :: sampler
+      integer, intent(in) :: n
+      type(chains_type), intent(inout) :: chains
+      integer :: i
+
+      if (allocated(chains%draws)) deallocate (chains%draws, chains%log_density)
+      if (allocated(chains%estimates)) deallocate (chains%estimates)
+      if (allocated(chains%samplers)) then
+         if (size(chains%samplers) /= n .or. chains%samplers(1)%name /= sampler%name) then
+            deallocate (chains%samplers)
+         end if
+      end if
+      if (.not. allocated(chains%samplers)) allocate (chains%samplers(n), source=sampler)
+      do i = 1, n
+         chains%samplers(i)%burn_in = sampler%burn_in
+      end do
+   end subroutine begin_chains
+
+   !> Whether all chains have estimates that agree.
+   pure logical function are_reliable(each)
+      type(chain_type), intent(in) :: each(:)
+      integer :: k
+
+      are_reliable = all([(allocated(each(k)%estimate), k=1, size(each))])
+      do k = 2, size(each)
+         if (are_reliable) are_reliable = agree(each(1)%estimate, each(k)%estimate)
+      end do
+   end function are_reliable
 
 end module samplers

@@ -7,17 +7,23 @@ module scmh_sampler
    use kinds, only: i8, wp
    use moves, only: random_walk_type
    use random, only: random_stream_type
-   use abstract_sampler, only: chain_type, draw_starts, outside, target_type
+   use abstract_sampler, only: chain_type, draw_starts, outside, sampler_type, target_type
    implicit none
    private
-   public :: run_scmh
+   public :: scmh_sampler_type
+
+   type, extends(sampler_type) :: scmh_sampler_type
+   contains
+      procedure :: run => run_scmh
+   end type scmh_sampler_type
 
 contains
 
    !> The start is one of the ten best of a hundred points drawn from the support.
-   subroutine run_scmh(burn_in, target, stream, chain)
-      !> Number of sweeps before the first sample.
-      integer, intent(in) :: burn_in
+   subroutine run_scmh(self, effort, target, stream, chain)
+      class(scmh_sampler_type), intent(inout) :: self
+      !> There is one.
+      integer, intent(in) :: effort
       class(target_type), intent(in) :: target
       type(random_stream_type), intent(inout) :: stream
       !> Its acceptance is the share of accepted steps of single parameters.
@@ -29,6 +35,8 @@ contains
       integer :: sweep, j, n_found, accepted, best, pick
       logical :: accept
 
+      associate (unused => effort)
+      end associate
       call draw_starts(target, stream, starts, start_density, n_found)
       chain%started = n_found > 0
       if (.not. chain%started) return
@@ -45,7 +53,7 @@ contains
       walk = random_walk_type(step=0.1_wp*range, greatest=10.0_wp*range)
       sum_of_logs = 0.0_wp
       accepted = 0
-      do sweep = 1 - burn_in, size(chain%log_density)
+      do sweep = 1 - self%burn_in, size(chain%log_density)
          if (stop_requested()) return
          call advance_progress(1_i8)
          do j = 1, target%dimension
@@ -59,12 +67,14 @@ contains
                current = density(1)
                if (sweep > 0) accepted = accepted + 1
             end if
-            if (sweep <= 0) call walk%tune(j, accept, sweep + burn_in)
+            if (sweep <= 0) call walk%tune(j, accept, sweep + self%burn_in)
          end do
-         if (sweep <= 0 .and. 2*sweep > -burn_in) sum_of_logs = sum_of_logs + log(walk%step)
+         if (sweep <= 0 .and. 2*sweep > -self%burn_in) sum_of_logs = sum_of_logs + log(walk%step)
          ! From here on the steps are fixed at their mean, that of the logarithm, over the second
          ! half of the burn-in, which varies less than the last value.
-         if (sweep == 0 .and. burn_in > 1) walk%step = exp(sum_of_logs/((burn_in + 1)/2))
+         if (sweep == 0 .and. self%burn_in > 1) then
+            walk%step = exp(sum_of_logs/((self%burn_in + 1)/2))
+         end if
          if (sweep > 0) then
             chain%draws(:, sweep) = x(:, 1)
             chain%log_density(sweep) = current

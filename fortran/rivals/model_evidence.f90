@@ -16,7 +16,7 @@ module model_evidence
    use random, only: new_random_stream, random_stream_type
    implicit none
    private
-   public :: fit_type, fit_model
+   public :: fit_type, fit_model, log_mass
 
    !> Coordinates z: w = maximum + axes z.
    type :: fit_type

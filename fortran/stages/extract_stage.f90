@@ -49,8 +49,9 @@ contains
       call remove_files(self%output, chain_prefix)
       call describe_prior(self%analysis, self%more)
       self%done = to_text(size(self%analysis%chains%draws, 3))//' chains of ' &
-         & //to_text(size(self%analysis%chains%draws, 2))//' samples: '//self%output &
-         & //'/posterior.bin'
+         & //to_text(size(self%analysis%chains%draws, 2))//' samples' &
+         & //trim(merge(' of independent draws', repeat(' ', 21), &
+         & allocated(self%analysis%chains%estimates)))//': '//self%output//'/posterior.bin'
 
    contains
 

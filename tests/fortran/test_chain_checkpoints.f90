@@ -19,7 +19,7 @@ program test_chain_checkpoints
    type(checkpoint_type) :: checkpoint, other
    type(chains_type) :: whole, kept, again
    type(chain_type) :: chain
-   type(sampler_type) :: sampler
+   class(sampler_type), allocatable :: sampler
    type(error_type), allocatable :: error
    real(wp), target :: draws(2, 200), density(200)
    character(len=:), allocatable :: content

@@ -4,15 +4,16 @@ program test_inference
    use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
    use chain_diagnostics, only: diagnose_chains, diagnostics_type, normal_quantile
    use error_models, only: error_model_type, new_error_model
+   use independent_draws, only: pareto_shape
    use ensemble_evolution, only: next_inverse
    use errors, only: error_type
-   use gaussian_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture
+   use student_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture
    use kinds, only: pi, wp
    use known_targets, only: banana_type, drawn_wavy_type, wavy_type
    use observables, only: new_observable, observable_type
    use settings_schema, only: measurements_settings_type
    use random, only: new_random_stream, random_stream_type
-   use samplers, only: chains_type, checkpoint_type, listed_samplers, new_sampler, &
+   use samplers, only: chains_type, checkpoint_type, new_sampler, &
       & run_settings_type, sample_chains
    use small_matrices, only: factor_columns
    use statistics, only: covariance_of, flattened
@@ -20,7 +21,7 @@ program test_inference
    use text, only: to_text
    use linear_algebra, only: exp_all, transposed_product
    implicit none
-   type(sampler_type), allocatable :: listed(:)
+   character(len=8), parameter :: names(3) = ['ensemble', 'scmh    ', 'direct  ']
    integer :: k
 
    ! Some 10,000 effective samples, and 2,000: five standard errors.
@@ -32,9 +33,9 @@ program test_inference
       call test_factor_columns()
       call test_error_models()
       call test_mixture()
-      listed = listed_samplers()
-      do k = 1, size(listed)
-         call test_any_sampler(trim(listed(k)%name))
+      call test_pareto_shape()
+      do k = 1, size(names)
+         call test_any_sampler(trim(names(k)))
       end do
       call test_wavy_density(6, 1000, 10000, 0.05_wp)
       ! Chains are worth 6000 independent draws along the ridge (the paper's: 400) and 13000 or more
@@ -161,7 +162,9 @@ contains
 
    !> A fit recovers the two clouds it is given, and the density integrates to one.
    subroutine test_mixture()
-      integer, parameter :: many = 4000, cells = 400
+      integer, parameter :: many = 4000, cells = 2000
+      ! About 1e-5 of a mixture of Student's t of four degrees is outside the square.
+      real(wp), parameter :: width = 60.0_wp
       type(mixture_type) :: mixture
       type(random_stream_type) :: stream
       real(wp) :: points(2, many), weights(many), z, total, u(2)
@@ -181,8 +184,8 @@ contains
       total = 0.0_wp
       do j = 1, cells
          do i = 1, cells
-            u = [-6.0_wp + 20.0_wp*(i - 0.5_wp)/cells, -6.0_wp + 12.0_wp*(j - 0.5_wp)/cells]
-            total = total + exp(log_mixture(mixture, u))*(20.0_wp/cells)*(12.0_wp/cells)
+            u = -width + 2.0_wp*width*([i, j] - 0.5_wp)/cells
+            total = total + exp(log_mixture(mixture, u))*(2.0_wp*width/cells)**2
          end do
       end do
       call check_close('a mixture integrates to one', total, 1.0_wp, 1.0e-4_wp)
@@ -196,6 +199,22 @@ contains
       ! Four standard errors of a share of one quarter.
       call check_close('share of draws there', total, 0.25_wp, 0.0123_wp)
    end subroutine test_mixture
+
+   !> The shape k of quantiles of Pareto distributions, against psislw of ArviZ 0.23.
+   subroutine test_pareto_shape()
+      integer, parameter :: n = 2000
+      real(wp), parameter :: shapes(4) = [0.1_wp, 0.4_wp, 0.7_wp, 1.1_wp], of_arviz(4) = &
+         & [0.13636156888512657_wp, 0.40749896921029505_wp, 0.6786439979721475_wp, &
+         & 1.0401801989104693_wp]
+      real(wp) :: values(n)
+      integer :: i, j
+
+      do j = 1, size(shapes)
+         values = [(((i - 0.5_wp)/n)**(-shapes(j)), i=1, n)]
+         call check_close('Pareto shape '//to_text(shapes(j)), pareto_shape(values), of_arviz(j), &
+            & 1.0e-9_wp)
+      end do
+   end subroutine test_pareto_shape
 
    pure function likelihood_of(errors, student_dof) result(likelihood)
       character(len=*), intent(in) :: errors
@@ -217,7 +236,7 @@ contains
       real(wp), parameter :: tolerance = 0.11_wp
       type(drawn_wavy_type) :: wavy
       type(banana_type) :: nowhere
-      type(sampler_type) :: sampler
+      class(sampler_type), allocatable :: sampler
       type(chains_type) :: chains, other
       type(chain_type) :: chain
       type(random_stream_type) :: stream
@@ -252,7 +271,9 @@ contains
       end do
       call check_close('any '//name//': covariance', &
          & maxval(abs(covariance_of(straight) - covariance)), 0.0_wp, 1.4_wp*tolerance)
+      if (name == 'ensemble') call check_integral(chains)
       do threads = 2, 4, 2
+         if (allocated(other%samplers)) deallocate (other%samplers)
          call sample_chains(wavy, sampler, run_settings_type(samples, 4, threads, 3), other, &
             & error, checkpoint_type())
          call check('any '//name//': the same to the bit on more threads', &
@@ -270,16 +291,34 @@ contains
       nowhere%upper = [1.0_wp, 1.0_wp]
       stream = new_random_stream(3, 1)
       chain = chain_type(draws, log_density)
-      call sampler%run(10, nowhere, stream, chain)
+      call sampler%run(1, nowhere, stream, chain)
       call check('any '//name//': nothing starts without a support', .not. chain%started)
    end subroutine test_any_sampler
+
+   !> The draws of the wavy density are independent, and their weights give its integral.
+   subroutine check_integral(chains)
+      type(chains_type), intent(in) :: chains
+      real(wp), parameter :: integral = 1.5_wp*log(2.0_wp*pi) &
+         & + log(0.5_wp*(1.0_wp + erf(1.0_wp/sqrt(2.0_wp))))
+      integer :: k
+
+      call check('independent draws of two runs', allocated(chains%estimates))
+      if (.not. allocated(chains%estimates)) return
+      do k = 1, 2
+         associate (estimate => chains%estimates(k))
+            call check_close('the integral by weights', estimate%log_integral, integral, &
+               & 4.0_wp*estimate%log_integral_error)
+            call check('its error is small', estimate%log_integral_error < 0.01_wp)
+         end associate
+      end do
+   end subroutine check_integral
 
    !> The ensemble in many dimensions where no polynomial makes the density straight: its moments.
    subroutine test_wavy_density(dimension, burn_in, samples, tolerance)
       integer, intent(in) :: dimension, burn_in, samples
       real(wp), intent(in) :: tolerance
       type(wavy_type) :: wavy
-      type(sampler_type) :: sampler
+      class(sampler_type), allocatable :: sampler
       type(chains_type) :: chains
       type(error_type), allocatable :: error
       real(wp), allocatable :: second(:, :), third(:, :)
@@ -315,7 +354,7 @@ contains
       integer, intent(in) :: samples, burn_in
       real(wp), intent(in) :: tolerance
       type(banana_type) :: banana
-      type(sampler_type) :: sampler
+      class(sampler_type), allocatable :: sampler
       type(chains_type) :: chains
       type(error_type), allocatable :: error
       real(wp) :: mass, mean, square, acceptance

@@ -181,7 +181,7 @@ contains
       call check_words(s, 'design', 'variance_of', acquisition_names)
       call check_words(s, 'measurements', 'modulus_kind', join(modulus_kinds, ', '))
       call check_words(s, 'measurements', 'likelihood', likelihood_names)
-      call check_words(s, 'sampler', 'method', sampler_names())
+      call check_words(s, 'sampler', 'method', sampler_names)
    end subroutine test_schema
 
    !> The words of a variable are those of the module that owns them, and each is read.

@@ -130,7 +130,7 @@ contains
 
       !> Chains by any sampler.
       subroutine sample()
-         type(sampler_type) :: sampler
+         class(sampler_type), allocatable :: sampler
          type(chains_type) :: chains
          type(run_settings_type) :: run
 

@@ -1,8 +1,11 @@
-!> Mixtures of normal densities: evaluate, draw, and fit to weighted points by
-!> expectation-maximisation.
-module gaussian_mixture
+!> Mixtures of Student's t densities, whose tails are longer than those of a posterior: evaluate,
+!> draw, and fit to weighted points by expectation-maximisation.
+!>
+!> The density of a component is c q^-m with q = 1 + z²/f and m = (f + n)/2, where z is the distance
+!> from its mean in sds, f are the degrees of freedom and n is the dimension.
+module student_mixture
    use kinds, only: pi, wp
-   use linear_algebra, only: exp_all, multiply
+   use linear_algebra, only: multiply
    use random, only: random_stream_type
    use small_matrices, only: factor_definite, solve_lower
    use statistics, only: sort_order
@@ -11,15 +14,17 @@ module gaussian_mixture
    public :: mixture_type, new_mixture, log_mixture, draw_mixture, fit_mixture, widen_mixture
 
    type :: mixture_type
-      integer :: n = 0, components = 0
+      !> Dimension, number of components, and degrees of freedom of each: 4 or 5, so that `power`,
+      !> the m above, is a whole number.
+      integer :: n = 0, components = 0, freedom = 0, power = 0
       !> Means, mean(component, i). The component is the innermost index of the loops that evaluate
       !> a point.
       real(wp), allocatable :: weight(:), mean(:, :)
-      !> Lower Cholesky factor of each covariance, factor(i, j, component), and its inverse,
-      !> inverse(component, j, i).
+      !> Lower Cholesky factor of the scale matrix of each component, factor(i, j, component), and
+      !> its inverse, inverse(component, j, i).
       real(wp), allocatable :: factor(:, :, :), inverse(:, :, :)
-      !> log of weight / (sqrt(2 pi)^n |factor|).
-      real(wp), allocatable :: log_norm(:)
+      !> The c of each component times its weight.
+      real(wp), allocatable :: height(:)
    end type mixture_type
 
 contains
@@ -41,7 +46,7 @@ contains
       do i = 1, n_points
          responsibility(1 + (i - 1)*components/n_points, order(i)) = 1.0_wp
       end do
-      call maximise(products_of(points), responsibility, mixture)
+      call maximise(products_of(points), responsibility, sum(responsibility, 2), mixture)
    end subroutine new_mixture
 
    pure type(mixture_type) function allocated_mixture(n, components) result(mixture)
@@ -49,41 +54,46 @@ contains
 
       mixture%n = n
       mixture%components = components
+      mixture%freedom = 4 + mod(n, 2)
+      mixture%power = (mixture%freedom + n)/2
       allocate (mixture%weight(components), source=1.0_wp/components)
-      allocate (mixture%log_norm(components), source=-1.0e30_wp)
+      allocate (mixture%height(components), source=0.0_wp)
       allocate (mixture%mean(components, n), mixture%factor(n, n, components), &
          & mixture%inverse(components, n, n), source=0.0_wp)
    end function allocated_mixture
 
-   !> The logarithm of each component's share of the density at u.
-   pure subroutine log_terms(mixture, u, terms)
+   !> Each component's share of the density at u, and its q.
+   pure subroutine evaluate_components(mixture, u, shares, q)
       type(mixture_type), intent(in) :: mixture
       real(wp), intent(in) :: u(mixture%n)
-      real(wp), intent(out) :: terms(mixture%components)
+      real(wp), intent(out) :: shares(mixture%components), q(mixture%components)
       real(wp) :: z(mixture%components)
       integer :: i, j
 
-      terms = mixture%log_norm
+      q = 0.0_wp
       do i = 1, mixture%n
          z = 0.0_wp
          do j = 1, i
             z = z + mixture%inverse(:, j, i)*(u(j) - mixture%mean(:, j))
          end do
-         terms = terms - 0.5_wp*z*z
+         q = q + z*z
       end do
-   end subroutine log_terms
+      q = 1.0_wp + q/mixture%freedom
+      z = 1.0_wp/q
+      shares = mixture%height
+      do i = 1, mixture%power
+         shares = shares*z
+      end do
+   end subroutine evaluate_components
 
    !> Logarithm of the density at `u`.
    pure real(wp) function log_mixture(mixture, u) result(value)
       type(mixture_type), intent(in) :: mixture
       real(wp), intent(in), contiguous :: u(:)
-      real(wp) :: terms(mixture%components), shares(mixture%components), top
+      real(wp), dimension(mixture%components) :: shares, q
 
-      call log_terms(mixture, u, terms)
-      top = maxval(terms)
-      terms = terms - top
-      call exp_all(terms, shares)
-      value = top + log(sum(shares))
+      call evaluate_components(mixture, u, shares, q)
+      value = log(max(sum(shares), tiny(1.0_wp)))
    end function log_mixture
 
    !> A point `u` of the mixture.
@@ -91,7 +101,7 @@ contains
       type(mixture_type), intent(in) :: mixture
       type(random_stream_type), intent(inout) :: stream
       real(wp), intent(out) :: u(:)
-      real(wp) :: z(mixture%n), v, sum_of_weights
+      real(wp) :: z(mixture%n), g(mixture%freedom), v, sum_of_weights
       integer :: m, i
 
       call stream%uniform(v)
@@ -101,31 +111,35 @@ contains
          if (v < sum_of_weights) exit
       end do
       call stream%normals(z)
+      call stream%normals(g)
+      z = z/sqrt(sum(g**2)/mixture%freedom)
       do i = 1, mixture%n
          u(i) = mixture%mean(m, i) + sum(mixture%factor(i, :i, m)*z(:i))
       end do
    end subroutine draw_mixture
 
-   !> Make some steps of expectation-maximisation.
+   !> Make some steps of expectation-maximisation. In the means and scale matrices a point counts
+   !> less the farther it is (Kent, Tyler & Vardi, Commun. Stat. Simul. 23, 441, 1994).
    subroutine fit_mixture(points, weights, steps, mixture)
       !> (n, n_points), (n_points).
       real(wp), intent(in), contiguous :: points(:, :), weights(:)
       integer, intent(in) :: steps
       type(mixture_type), intent(inout) :: mixture
       real(wp), allocatable :: responsibility(:, :), products(:, :)
-      real(wp) :: terms(mixture%components)
+      real(wp), dimension(mixture%components) :: shares, q, of_component
       integer :: step, p
 
       products = products_of(points)
       allocate (responsibility(mixture%components, size(weights)))
       do step = 1, steps
+         of_component = 0.0_wp
          do p = 1, size(weights)
-            call log_terms(mixture, points(:, p), terms)
-            terms = terms - maxval(terms)
-            call exp_all(terms, responsibility(:, p))
-            responsibility(:, p) = weights(p)/sum(responsibility(:, p))*responsibility(:, p)
+            call evaluate_components(mixture, points(:, p), shares, q)
+            shares = weights(p)/max(sum(shares), tiny(1.0_wp))*shares
+            of_component = of_component + shares
+            responsibility(:, p) = shares/q
          end do
-         call maximise(products, responsibility, mixture)
+         call maximise(products, responsibility, of_component, mixture)
       end do
    end subroutine fit_mixture
 
@@ -146,22 +160,24 @@ contains
       end do
    end function products_of
 
-   !> Compute weights, means and covariances from weighted responsibilities. A component with less
-   !> than a thousandth of the weight is left out for good.
-   subroutine maximise(products, responsibility, mixture)
+   !> Compute weights, means and scale matrices from weighted responsibilities. A component with
+   !> less than a thousandth of the weight is left out for good.
+   subroutine maximise(products, responsibility, of_component, mixture)
       !> (n_points, product), (component, n_points).
       real(wp), intent(in), contiguous :: products(:, :), responsibility(:, :)
+      !> Sum of the weights of each component's points, (component).
+      real(wp), intent(in) :: of_component(:)
       type(mixture_type), intent(inout) :: mixture
       real(wp), parameter :: floor_variance = 1.0e-6_wp
       real(wp) :: sums(mixture%components, size(products, 2)), covariance(mixture%n, mixture%n)
       integer :: m, j, last
 
       call multiply(responsibility, products, sums)
-      mixture%weight = sums(:, 1)/sum(sums(:, 1))
+      mixture%weight = of_component/sum(of_component)
       do m = 1, mixture%components
          if (mixture%weight(m) < 1.0e-3_wp) then
             mixture%weight(m) = 0.0_wp
-            mixture%log_norm(m) = -1.0e30_wp
+            mixture%height(m) = 0.0_wp
             cycle
          end if
          sums(m, 2:) = sums(m, 2:)/sums(m, 1)
@@ -188,7 +204,7 @@ contains
       end do
    end function factor_of
 
-   !> Set the factor of the covariance of component m, its inverse and its log norm.
+   !> Set the factor of the scale matrix of component m, its inverse and its height.
    pure subroutine set_factor(mixture, m, factor)
       type(mixture_type), intent(inout) :: mixture
       integer, intent(in) :: m
@@ -197,47 +213,45 @@ contains
       integer :: j
 
       mixture%factor(:, :, m) = factor
-      mixture%log_norm(m) = log(max(mixture%weight(m), 1.0e-300_wp)) &
-         & - 0.5_wp*mixture%n*log(2.0_wp*pi)
+      associate (f => real(mixture%freedom, wp), n => mixture%n)
+         mixture%height(m) = mixture%weight(m)*gamma(0.5_wp*(f + n))/gamma(0.5_wp*f) &
+            & /(f*pi)**(0.5_wp*n)
+      end associate
       do j = 1, mixture%n
          column = 0.0_wp
          column(j) = 1.0_wp
          call solve_lower(factor, column)
          mixture%inverse(m, j, :) = column
-         mixture%log_norm(m) = mixture%log_norm(m) - log(factor(j, j))
+         mixture%height(m) = mixture%height(m)/factor(j, j)
       end do
    end subroutine set_factor
 
-   !> The mixture with heavier tails. A share `tails` of each component has `wider` times its
-   !> covariance, the rest `inflation` times. A share `whole` of all has the mean of the mixture and
-   !> `wider` times its covariance.
+   !> The mixture with a further component of the weight `whole`, that has the mean of all and
+   !> `wider` times their covariance.
    subroutine widen_mixture(mixture, wide)
       type(mixture_type), intent(in) :: mixture
       type(mixture_type), intent(out) :: wide
-      real(wp), parameter :: inflation = 1.05_wp, tails = 0.1_wp, whole = 0.03_wp, wider = 4.0_wp
+      real(wp), parameter :: whole = 0.05_wp, wider = 3.0_wp
       real(wp) :: covariance(mixture%n, mixture%n), mean(mixture%n), d(mixture%n)
-      integer :: m, j, n
+      integer :: m, n
 
       n = count(mixture%weight > 0.0_wp)
-      wide = allocated_mixture(mixture%n, 2*n + 1)
+      wide = allocated_mixture(mixture%n, n + 1)
       mean = matmul(mixture%weight, mixture%mean)
       covariance = 0.0_wp
       n = 0
       do m = 1, mixture%components
          if (.not. mixture%weight(m) > 0.0_wp) cycle
-         wide%weight(n + 1:n + 2) = (1.0_wp - whole)*mixture%weight(m)*[1.0_wp - tails, tails]
-         do j = 1, 2
-            n = n + 1
-            wide%mean(n, :) = mixture%mean(m, :)
-            call set_factor(wide, n, sqrt(merge(inflation, wider, j == 1))*mixture%factor(:, :, m))
-         end do
+         n = n + 1
+         wide%weight(n) = (1.0_wp - whole)*mixture%weight(m)
+         wide%mean(n, :) = mixture%mean(m, :)
+         call set_factor(wide, n, mixture%factor(:, :, m))
          d = mixture%mean(m, :) - mean
-         covariance = covariance + mixture%weight(m)*matmul(mixture%factor(:, :, m), &
-            & transpose(mixture%factor(:, :, m))) &
-            & + mixture%weight(m)*spread(d, 1, mixture%n)*spread(d, 2, mixture%n)
+         covariance = covariance + mixture%weight(m)*(matmul(mixture%factor(:, :, m), &
+            & transpose(mixture%factor(:, :, m))) + spread(d, 1, mixture%n)*spread(d, 2, mixture%n))
       end do
       wide%weight(n + 1) = whole
       wide%mean(n + 1, :) = mean
       call set_factor(wide, n + 1, sqrt(wider)*factor_of(covariance))
    end subroutine widen_mixture
-end module gaussian_mixture
+end module student_mixture

@@ -1,0 +1,199 @@
+!> Independent draws of a mixture as a chain of a density, and the estimates of their weights.
+!>
+!> Each draw is weighted by the ratio of the density to that of the mixture. As proposals of
+!> Metropolis and Hastings the draws make a chain of the density itself. The weights also give the
+!> integral of the density. They can be trusted if the tail of their distribution, fitted by a
+!> generalised Pareto distribution, has a shape k below 0.7 (Vehtari et al., J. Mach. Learn. Res.
+!> 25, 72, 2024).
+module independent_draws
+   use abstract_sampler, only: chain_type, estimate_type, target_type
+   use kinds, only: wp
+   use moves, only: mixture_move_type, points_type
+   use random, only: random_stream_type
+   use running_command, only: stop_requested
+   use statistics, only: sorted_values
+   implicit none
+   private
+   public :: draw_independently, agree, pareto_shape
+
+   !> Greatest reliable k, and greatest weight of a draw, in mean weights: the chain stays at it for
+   !> about as many proposals.
+   real(wp), parameter :: most_k = 0.7_wp, most_weight = 50.0_wp
+
+contains
+
+   !> Make a chain, in working coordinates, whose proposals are draws of a mixture, which is first
+   !> improved by importance sampling. The chain has an estimate if its weights can be trusted.
+   subroutine draw_independently(mixture, target, stream, chain, is_made)
+      !> On entry it is fitted to the points of the burn-in.
+      type(mixture_move_type), intent(inout) :: mixture
+      class(target_type), intent(in) :: target
+      type(random_stream_type), intent(inout) :: stream
+      type(chain_type), intent(inout) :: chain
+      !> Whether there is a chain: the mixture fits well enough.
+      logical, intent(out) :: is_made
+      !> Rounds of draws that improve the mixture, and of those that are proposals. A long search is
+      !> not worth its time for few samples.
+      integer, parameter :: least_rounds = 4, most_rounds = 12, most_finals = 3, &
+         & least_draws = 600, most_draws = 3000
+      !> Effective share of the draws from which on they are proposals, and below which a Markov
+      !> chain is the better way.
+      real(wp), parameter :: good_quality = 0.4_wp, least_quality = 0.1_wp
+      type(estimate_type) :: estimate
+      integer :: round, n_steps, finals
+
+      is_made = .false.
+      if (allocated(chain%estimate)) deallocate (chain%estimate)
+      do round = 1, most_rounds
+         call mixture%draw_inside(target, stream, min(most_draws, &
+            & max(least_draws, size(chain%log_density)/6)))
+         if (stop_requested() .or. size(mixture%log_weights) == 0) return
+         call mixture%learn()
+         ! The mixture must have shown that it is good: its draws may have found a tail.
+         if (round >= least_rounds .and. mixture%quality > good_quality) exit
+      end do
+      do finals = 1, most_finals
+         if (mixture%quality < least_quality) return
+         n_steps = steps_of(mixture%quality)
+         call mixture%draw_inside(target, stream, n_steps*size(chain%log_density))
+         is_made = size(mixture%log_weights) == n_steps*size(chain%log_density)
+         if (stop_requested() .or. .not. is_made) return
+         estimate = estimate_of(mixture%pool%w, mixture%log_weights)
+         if (is_reliable(estimate) .or. finals == most_finals) exit
+         call mixture%learn()
+      end do
+      call propose_all(mixture%pool, mixture%log_weights, n_steps, stream, chain)
+      if (.not. is_reliable(estimate)) return
+      ! The mixture is a density in whitened coordinates.
+      estimate%log_integral = estimate%log_integral + log(mixture%share_inside) &
+         & + mixture%whitening%log_volume
+      chain%estimate = estimate
+   end subroutine draw_independently
+
+   !> Number of proposals for a sample of the chain, with which about half of the samples are
+   !> effective ones.
+   pure integer function steps_of(quality)
+      !> Effective share of the draws.
+      real(wp), intent(in) :: quality
+
+      steps_of = ceiling(0.45_wp*(2.0_wp - quality)/quality)
+   end function steps_of
+
+   !> The chain of Metropolis and Hastings with some proposals. It starts at one that is drawn by
+   !> the weights.
+   subroutine propose_all(points, log_weights, n_steps, stream, chain)
+      class(points_type), intent(in) :: points
+      real(wp), intent(in) :: log_weights(:)
+      !> Proposals for a sample.
+      integer, intent(in) :: n_steps
+      type(random_stream_type), intent(inout) :: stream
+      type(chain_type), intent(inout) :: chain
+      real(wp) :: v, cumulated
+      integer :: i, k, present_one, accepted
+
+      call stream%uniform(v)
+      v = v*sum(exp(log_weights - maxval(log_weights)))
+      cumulated = 0.0_wp
+      do present_one = 1, size(log_weights) - 1
+         cumulated = cumulated + exp(log_weights(present_one) - maxval(log_weights))
+         if (v < cumulated) exit
+      end do
+      accepted = 0
+      do i = 1, size(log_weights)
+         call stream%uniform(v)
+         if (log(v) < log_weights(i) - log_weights(present_one)) then
+            present_one = i
+            accepted = accepted + 1
+         end if
+         if (mod(i, n_steps) > 0) cycle
+         k = i/n_steps
+         chain%draws(:, k) = points%w(:, present_one)
+         chain%log_density(k) = points%log_density(present_one)
+      end do
+      chain%acceptance = real(accepted, wp)/size(log_weights)
+   end subroutine propose_all
+
+   !> Integral, means and sds by weighted draws.
+   pure type(estimate_type) function estimate_of(w, log_weights) result(estimate)
+      !> Working coordinates, (dimension, draw), and logarithms of the weights, (draw).
+      real(wp), intent(in) :: w(:, :), log_weights(:)
+      real(wp), allocatable :: weights(:), squares(:)
+      integer :: j, n
+
+      n = size(log_weights)
+      weights = exp(log_weights - maxval(log_weights))
+      estimate%log_integral = maxval(log_weights) + log(sum(weights)/n)
+      weights = weights/sum(weights)
+      estimate%log_integral_error = sqrt(max(0.0_wp, sum(weights**2) - 1.0_wp/n))
+      estimate%greatest_weight = n*maxval(weights)
+      estimate%pareto_k = pareto_shape(weights)
+      estimate%mean = matmul(w, weights)
+      estimate%sd = estimate%mean
+      estimate%mean_error = estimate%mean
+      estimate%sd_error = estimate%mean
+      do j = 1, size(w, 1)
+         squares = (w(j, :) - estimate%mean(j))**2
+         associate (variance => sum(weights*squares))
+            estimate%sd(j) = sqrt(variance)
+            estimate%mean_error(j) = sqrt(sum(weights**2*squares))
+            estimate%sd_error(j) = sqrt(sum((weights*(squares - variance))**2)/(4.0_wp*variance))
+         end associate
+         estimate%pareto_k = max(estimate%pareto_k, pareto_shape(weights*squares))
+      end do
+   end function estimate_of
+
+   !> Whether the weights of an estimate can be trusted.
+   pure logical function is_reliable(self)
+      type(estimate_type), intent(in) :: self
+
+      is_reliable = self%pareto_k < most_k .and. self%greatest_weight < most_weight
+   end function is_reliable
+
+   !> Whether two estimates agree: the integrals within three standard errors, the means within a
+   !> tenth of an sd and the sds within 5 %, apart from three standard errors.
+   pure logical function agree(a, b)
+      type(estimate_type), intent(in) :: a, b
+
+      agree = abs(a%log_integral - b%log_integral) &
+         & < 0.02_wp + 3.0_wp*hypot(a%log_integral_error, b%log_integral_error) &
+         & .and. all(abs(a%mean - b%mean) < 0.05_wp*(a%sd + b%sd) &
+         & + 3.0_wp*hypot(a%mean_error, b%mean_error)) &
+         & .and. all(abs(a%sd - b%sd) < 0.025_wp*(a%sd + b%sd) &
+         & + 3.0_wp*hypot(a%sd_error, b%sd_error))
+   end function agree
+
+   !> Shape k of a generalised Pareto distribution that is fitted to the greatest of some positive
+   !> values: the estimate of Zhang & Stephens (Technometrics 51, 316, 2009), with a weak prior
+   !> about 0.5 that is worth ten values. As many values as Vehtari et al. take are the tail. It is
+   !> huge for fewer than 25 values.
+   pure real(wp) function pareto_shape(values) result(k)
+      real(wp), intent(in) :: values(:)
+      real(wp), parameter :: prior_k = 0.5_wp, prior_size = 10.0_wp
+      real(wp), allocatable :: sorted(:), x(:), theta(:), shapes(:), heights(:)
+      real(wp) :: quartile
+      integer :: n, m, j
+
+      k = huge(1.0_wp)
+      n = min(size(values)/5, ceiling(3.0_wp*sqrt(real(size(values), wp))))
+      if (n < 5) return
+      call sorted_values(size(values), values, sorted)
+      x = sorted(size(sorted) - n + 1:) - sorted(size(sorted) - n)
+      if (.not. x(n) > 0.0_wp) then
+         ! The greatest values are equal.
+         k = 0.0_wp
+         return
+      end if
+      quartile = max(x(nint(n/4.0_wp)), 1.0e-10_wp*x(n))
+      m = 30 + int(sqrt(real(n, wp)))
+      theta = [(1.0_wp/x(n) + (1.0_wp - sqrt(m/(j - 0.5_wp)))/(3.0_wp*quartile), j=1, m)]
+      allocate (shapes(m), heights(m))
+      do j = 1, m
+         shapes(j) = sum(log(1.0_wp - theta(j)*x))/n
+         heights(j) = n*(log(-theta(j)/shapes(j)) - shapes(j) - 1.0_wp)
+      end do
+      heights = exp(heights - maxval(heights))
+      associate (best => sum(heights*theta)/sum(heights))
+         k = (sum(log(1.0_wp - best*x)) + prior_size*prior_k)/(n + prior_size)
+      end associate
+   end function pareto_shape
+end module independent_draws
