@@ -27,6 +27,8 @@ module crystal_elasticity
       !> Hill's averages: the means of the bounds, with their Young's modulus, GPa, and Poisson's
       !> ratio.
       real(wp) :: bulk, shear, young, poisson
+      !> Compliance of the crystal, 1/GPa.
+      real(wp) :: compliance(6, 6)
    end type averages_type
 
 contains
@@ -156,15 +158,16 @@ contains
    pure type(averages_type) function polycrystal_averages(c) result(averages)
       !> GPa.
       real(wp), intent(in) :: c(6, 6)
-      real(wp) :: s(6, 6)
 
-      s = compliance(c)
+      averages%compliance = compliance(c)
       averages%bulk_voigt = sum(c(:3, :3))/9.0_wp
       averages%shear_voigt = (c(1, 1) + c(2, 2) + c(3, 3) - c(1, 2) - c(2, 3) - c(1, 3) &
          & + 3.0_wp*(c(4, 4) + c(5, 5) + c(6, 6)))/15.0_wp
-      averages%bulk_reuss = 1.0_wp/sum(s(:3, :3))
-      averages%shear_reuss = 15.0_wp/(4.0_wp*(s(1, 1) + s(2, 2) + s(3, 3) - s(1, 2) - s(2, 3) &
-         & - s(1, 3)) + 3.0_wp*(s(4, 4) + s(5, 5) + s(6, 6)))
+      associate (s => averages%compliance)
+         averages%bulk_reuss = 1.0_wp/sum(s(:3, :3))
+         averages%shear_reuss = 15.0_wp/(4.0_wp*(s(1, 1) + s(2, 2) + s(3, 3) - s(1, 2) - s(2, 3) &
+            & - s(1, 3)) + 3.0_wp*(s(4, 4) + s(5, 5) + s(6, 6)))
+      end associate
       associate (bulk => averages%bulk, shear => averages%shear)
          bulk = 0.5_wp*(averages%bulk_voigt + averages%bulk_reuss)
          shear = 0.5_wp*(averages%shear_voigt + averages%shear_reuss)

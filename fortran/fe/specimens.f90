@@ -112,9 +112,11 @@ contains
       if (self%element == 'c3d8') then
          self%layers_error = paper_layers_error
          if (allocated(settings%simulation%extrapolate)) then
-            if (settings%simulation%extrapolate) call refuse(error, 'C3D8 on a block are not ' &
-               & //'extrapolated: their error follows from the layers, not from the size of the ' &
-               & //'elements; use element = ''c3d8i''', group='simulation', variable='extrapolate')
+            if (settings%simulation%extrapolate) then
+               call refuse(error, 'C3D8 on a block are not extrapolated: their error follows ' &
+                  & //'from the layers, not from the size of the elements; use element = ' &
+                  & //'''c3d8i''', group='simulation', variable='extrapolate')
+            end if
          end if
       end if
       self%element_size = box_width*self%contact_radius/box_cells

@@ -225,6 +225,11 @@ contains
       real(wp) :: x(prior%n_constants), c(6, 6)
       integer :: i, n_admitted, n_inside
 
+      ! Without limits only crystals of extreme anisotropy are outside the support: less than 1e-3.
+      if (.not. (prior%is_cut() .or. domain%is_limited())) then
+         prior%domain = domain
+         return
+      end if
       stream = new_random_stream(1, 0)
       n_admitted = 0
       n_inside = 0

@@ -56,12 +56,13 @@ contains
          if (mixture%quality < least_quality) return
          n_steps = steps_of(mixture%quality)
          call mixture%draw_inside(target, stream, n_steps*size(chain%log_density))
-         is_made = size(mixture%log_weights) == n_steps*size(chain%log_density)
-         if (stop_requested() .or. .not. is_made) return
+         if (stop_requested()) return
+         if (size(mixture%log_weights) < n_steps*size(chain%log_density)) return
          estimate = estimate_of(mixture%pool%w, mixture%log_weights)
          if (is_reliable(estimate) .or. finals == most_finals) exit
          call mixture%learn()
       end do
+      is_made = .true.
       call propose_all(mixture%pool, mixture%log_weights, n_steps, stream, chain)
       if (.not. is_reliable(estimate)) return
       ! The mixture is a density in whitened coordinates.
@@ -88,14 +89,15 @@ contains
       integer, intent(in) :: n_steps
       type(random_stream_type), intent(inout) :: stream
       type(chain_type), intent(inout) :: chain
-      real(wp) :: v, cumulated
+      real(wp) :: v, cumulated, greatest
       integer :: i, k, present_one, accepted
 
+      greatest = maxval(log_weights)
       call stream%uniform(v)
-      v = v*sum(exp(log_weights - maxval(log_weights)))
+      v = v*sum(exp(log_weights - greatest))
       cumulated = 0.0_wp
       do present_one = 1, size(log_weights) - 1
-         cumulated = cumulated + exp(log_weights(present_one) - maxval(log_weights))
+         cumulated = cumulated + exp(log_weights(present_one) - greatest)
          if (v < cumulated) exit
       end do
       accepted = 0
@@ -138,7 +140,8 @@ contains
             estimate%mean_error(j) = sqrt(sum(weights**2*squares))
             estimate%sd_error(j) = sqrt(sum((weights*(squares - variance))**2)/(4.0_wp*variance))
          end associate
-         estimate%pareto_k = max(estimate%pareto_k, pareto_shape(weights*squares))
+         squares = weights*squares
+         estimate%pareto_k = max(estimate%pareto_k, pareto_shape(squares))
       end do
    end function estimate_of
 
@@ -149,18 +152,28 @@ contains
       is_reliable = self%pareto_k < most_k .and. self%greatest_weight < most_weight
    end function is_reliable
 
-   !> Whether two estimates agree: the integrals within three standard errors, the means within a
-   !> tenth of an sd and the sds within 5 %, apart from three standard errors.
+   !> Whether two estimates agree: the integrals, the means within a tenth of an sd, and the sds
+   !> within 5 %.
    pure logical function agree(a, b)
       type(estimate_type), intent(in) :: a, b
+      real(wp), parameter :: of_integral = 0.02_wp, of_mean = 0.1_wp, of_sd = 0.05_wp
+      real(wp) :: sd(size(a%sd))
 
-      agree = abs(a%log_integral - b%log_integral) &
-         & < 0.02_wp + 3.0_wp*hypot(a%log_integral_error, b%log_integral_error) &
-         & .and. all(abs(a%mean - b%mean) < 0.05_wp*(a%sd + b%sd) &
-         & + 3.0_wp*hypot(a%mean_error, b%mean_error)) &
-         & .and. all(abs(a%sd - b%sd) < 0.025_wp*(a%sd + b%sd) &
-         & + 3.0_wp*hypot(a%sd_error, b%sd_error))
+      sd = 0.5_wp*(a%sd + b%sd)
+      agree = is_near(a%log_integral - b%log_integral, of_integral, a%log_integral_error, &
+         & b%log_integral_error) &
+         & .and. all(is_near(a%mean - b%mean, of_mean*sd, a%mean_error, b%mean_error)) &
+         & .and. all(is_near(a%sd - b%sd, of_sd*sd, a%sd_error, b%sd_error))
    end function agree
+
+   !> Whether a difference is within a tolerance and three standard errors.
+   elemental logical function is_near(difference, tolerance, error_a, error_b)
+      real(wp), intent(in) :: difference, tolerance
+      !> Standard errors of both values.
+      real(wp), intent(in) :: error_a, error_b
+
+      is_near = abs(difference) < tolerance + 3.0_wp*hypot(error_a, error_b)
+   end function is_near
 
    !> Shape k of a generalised Pareto distribution that is fitted to the greatest of some positive
    !> values: the estimate of Zhang & Stephens (Technometrics 51, 316, 2009), with a weak prior

@@ -40,12 +40,13 @@ module moves
       !> draws of all attempts were outside the support.
       integer :: next = 0
       !> Of the last `draw_inside`: the logarithms of the weights of the pool's draws, which are the
-      !> ratios of the density to that of the mixture in whitened coordinates; the effective share of
-      !> these draws, 0 if they are useless; and the share of all draws in the support.
+      !> ratios of the density to that of the mixture in whitened coordinates; the effective share
+      !> of these draws, 0 if they are useless; and the share of all draws in the support.
       real(wp), allocatable :: log_weights(:)
       real(wp) :: quality = 0.0_wp, share_inside = 0.0_wp
-      !> Some of its draws outside the support, (dimension, draw).
+      !> Some of its draws outside the support, (dimension, draw), and their number.
       real(wp), allocatable, private :: outer(:, :)
+      integer, private :: n_outer = 0
       !> What the mixture was fitted to, before it was widened: the archive and draws, (dimension,
       !> point), and the weights of the draws.
       type(mixture_type), private :: fitted
@@ -207,11 +208,12 @@ contains
       integer, intent(in) :: n
       integer, parameter :: at_once = 512, tries = 10, most_outside = 3000
       type(points_type) :: found
+      real(wp), allocatable :: log_weights(:)
       integer :: i, n_inside, n_outside
 
       found = new_points(target%dimension, n)
-      self%log_weights = spread(0.0_wp, 1, n)
-      self%outer = reshape([real(wp) ::], [target%dimension, most_outside], [0.0_wp])
+      allocate (log_weights(n))
+      if (.not. allocated(self%outer)) allocate (self%outer(target%dimension, most_outside))
       n_inside = 0
       n_outside = 0
       do while (n_inside < n .and. n_outside < tries*n .and. .not. stop_requested())
@@ -221,7 +223,7 @@ contains
                if (density > outside) then
                   n_inside = n_inside + 1
                   call found%set(n_inside, self%pool, i)
-                  self%log_weights(n_inside) = density - log_mixture(self%mixture, u)
+                  log_weights(n_inside) = density - log_mixture(self%mixture, u)
                else
                   n_outside = n_outside + 1
                   if (n_outside <= most_outside) self%outer(:, n_outside) = u
@@ -232,13 +234,13 @@ contains
       self%pool%w = found%w(:, :n_inside)
       self%pool%u = found%u(:, :n_inside)
       self%pool%log_density = found%log_density(:n_inside)
-      self%log_weights = self%log_weights(:n_inside)
-      self%outer = self%outer(:, :min(n_outside, most_outside))
+      self%log_weights = log_weights(:n_inside)
+      self%n_outer = min(n_outside, most_outside)
       self%share_inside = real(n_inside, wp)/max(1, n_inside + n_outside)
-      associate (weights => exp(self%log_weights - maxval(self%log_weights)))
-         self%quality = 0.0_wp
-         if (n_inside > 0) self%quality = sum(weights)**2/sum(weights**2)/n_inside
-      end associate
+      self%quality = 0.0_wp
+      if (n_inside == 0) return
+      log_weights = exp(self%log_weights - maxval(self%log_weights))
+      self%quality = sum(log_weights)**2/sum(log_weights**2)/n_inside
    end subroutine draw_inside
 
    !> Fit the mixture to the archive and to all draws by their weights. Draws outside the support
@@ -249,23 +251,34 @@ contains
       !> Weight of the archive among the data inside the support.
       real(wp), parameter :: archive_share = 0.3_wp
       integer, parameter :: steps = 6
-      real(wp), allocatable :: weights(:), all_weights(:)
-      integer :: n_archived
+      !> All points, (dimension, point), and their weights; the archive, the earlier draws, the last
+      !> ones, and those outside the support.
+      real(wp), allocatable :: points(:, :), weights(:)
+      integer :: n_archived, n_before, n
 
-      n_archived = size(self%points, 2) - size(self%weights)
+      n_before = size(self%points, 2)
+      n_archived = n_before - size(self%weights)
+      n = n_before + size(self%log_weights)
+      allocate (points(size(self%points, 1), n + self%n_outer), weights(n + self%n_outer))
+      points(:, :n_before) = self%points
+      points(:, n_before + 1:n) = self%pool%u
+      points(:, n + 1:) = self%outer(:, :self%n_outer)
+      weights(n_archived + 1:n_before) = self%weights
       ! Truncated weights (Ionides, J. Comput. Graph. Stat. 17, 295, 2008) keep one point from
       ! dominating. Those of a round of draws sum to their effective number.
-      weights = exp(self%log_weights - maxval(self%log_weights))
-      weights = min(weights, sum(weights)/sqrt(real(size(weights), wp)))
-      self%weights = [self%weights, weights*sum(weights)/sum(weights**2)]
-      associate (n => size(self%weights), n_outer => size(self%outer, 2))
-         self%points = reshape([self%points, self%pool%u], [size(self%points, 1), n_archived + n])
-         all_weights = [spread(archive_share*n/n_archived, 1, n_archived), &
-            & (1.0_wp - archive_share)*n/sum(self%weights)*self%weights, &
-            & spread((1.0_wp/self%share_inside - 1.0_wp)*n/max(1, n_outer), 1, n_outer)]
+      associate (last => weights(n_before + 1:n))
+         last = exp(self%log_weights - maxval(self%log_weights))
+         last = min(last, sum(last)/sqrt(real(size(last), wp)))
+         last = last*(sum(last)/sum(last**2))
       end associate
-      call fit_mixture(reshape([self%points, self%outer], [size(self%points, 1), &
-         & size(all_weights)]), all_weights, steps, self%fitted)
+      self%points = points(:, :n)
+      self%weights = weights(n_archived + 1:n)
+      associate (n_draws => n - n_archived)
+         weights(:n_archived) = archive_share*n_draws/n_archived
+         weights(n_archived + 1:n) = (1.0_wp - archive_share)*n_draws/sum(self%weights)*self%weights
+         weights(n + 1:) = (1.0_wp/self%share_inside - 1.0_wp)*n_draws/max(1, self%n_outer)
+      end associate
+      call fit_mixture(points, weights, steps, self%fitted)
       call widen_mixture(self%fitted, self%mixture)
    end subroutine learn
 

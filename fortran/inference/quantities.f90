@@ -2,7 +2,7 @@
 !> averages, directional moduli, and products of powers of these.
 module quantities
    use crystal_class, only: crystal_class_type
-   use crystal_elasticity, only: averages_type, anisotropy_index, compliance, polycrystal_averages
+   use crystal_elasticity, only: averages_type, anisotropy_index, polycrystal_averages
    use errors, only: error_type, refuse, suggestion
    use kinds, only: wp
    use text, only: join, lower, number_ok, read_real, split_list, to_text
@@ -323,13 +323,15 @@ contains
       !> Stiffness in crystal axes, GPa.
       real(wp), intent(in) :: c(6, 6)
       real(wp), intent(out) :: values(:)
+      type(averages_type) :: averages
       integer :: i, j
 
+      averages = polycrystal_averages(c)
       values = 1.0_wp
       do i = 1, size(quantities)
          do j = 1, size(quantities(i)%factors)
             associate (power => quantities(i)%factors(j)%power, &
-               & value => value_of(quantities(i)%factors(j), c))
+               & value => value_of(quantities(i)%factors(j), c, averages))
                if (abs(abs(power) - 1.0_wp) <= 0.0_wp) then
                   values(i) = values(i)*value**nint(power)
                else
@@ -359,23 +361,18 @@ contains
 
    !> Value of a factor without its power. A directional quantity is the response along a direction:
    !> Young's or the torsional shear modulus, GPa, or the linear compressibility, 1/TPa.
-   pure real(wp) function value_of(factor, c) result(value)
+   pure real(wp) function value_of(factor, c, averages) result(value)
       type(factor_type), intent(in) :: factor
-      !> GPa.
+      !> GPa, and the averages over a polycrystal of it.
       real(wp), intent(in) :: c(6, 6)
+      type(averages_type), intent(in) :: averages
       real(wp), parameter :: axes(3, 3) = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1], [3, 3])
-      type(averages_type) :: averages
-      real(wp) :: s(6, 6)
       integer :: j
 
-      if (factor%word == 'constant') then
-         value = c(factor%row, factor%column)
-         return
-      end if
-      s = compliance(c)
-      averages = polycrystal_averages(c)
-      associate (n => factor%direction)
+      associate (n => factor%direction, s => averages%compliance)
          select case (factor%word)
+         case ('constant')
+            value = c(factor%row, factor%column)
          case ('c''')
             value = 0.5_wp*(c(1, 1) - c(1, 2))
          case ('anisotropy_index')
@@ -415,7 +412,7 @@ contains
       pure real(wp) function energy(a, b)
          real(wp), intent(in) :: a(3), b(3)
 
-         energy = dot_product(stress(a, b), matmul(s, stress(a, b)))
+         energy = dot_product(stress(a, b), matmul(averages%compliance, stress(a, b)))
       end function energy
    end function value_of
 end module quantities

@@ -295,6 +295,7 @@ contains
       if (.not. allocated(chains%samplers)) allocate (chains%samplers(n), source=sampler)
       do i = 1, n
          chains%samplers(i)%burn_in = sampler%burn_in
+         chains%samplers(i)%efforts = sampler%efforts
       end do
    end subroutine begin_chains
 

@@ -48,10 +48,12 @@ contains
       if (allocated(error)) return
       call remove_files(self%output, chain_prefix)
       call describe_prior(self%analysis, self%more)
-      self%done = to_text(size(self%analysis%chains%draws, 3))//' chains of ' &
-         & //to_text(size(self%analysis%chains%draws, 2))//' samples' &
-         & //trim(merge(' of independent draws', repeat(' ', 21), &
-         & allocated(self%analysis%chains%estimates)))//': '//self%output//'/posterior.bin'
+      associate (chains => self%analysis%chains)
+         self%done = to_text(size(chains%draws, 3))//' chains of '//to_text(size(chains%draws, 2)) &
+            & //' samples'
+         if (allocated(chains%estimates)) self%done = self%done//' of independent draws'
+      end associate
+      self%done = self%done//': '//self%output//'/posterior.bin'
 
    contains
 

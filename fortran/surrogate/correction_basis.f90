@@ -256,6 +256,12 @@ contains
       real(wp) :: x(n_coordinates)
       integer :: i, k
 
+      ! Other grains, if many, need the moduli in the same directions.
+      if (self%expansion%is_used .and. self%expansion%degree == self%field_degree &
+         & .and. size(euler, 2) > 2*self%n_independent .and. self%full_above >= 0.0_wp) then
+         call self%expansion%set_grains(euler)
+         return
+      end if
       self%expansion%is_used = .false.
       if (self%full_above >= 0.0_wp) then
          call new_modulus_expansion(self%class, self%field_degree, euler, self%expansion, error)
@@ -265,7 +271,11 @@ contains
       if (self%expansion%is_used) self%euler = self%expansion%euler
       self%field_cost = self%expansion%cost
       self%n_independent = size(self%euler, 2)
-      call new_field(self%class, self%field_degree, self%euler, self%field, error)
+      if (self%field%degree == self%field_degree) then
+         call self%field%set_grains(self%euler)
+      else
+         call new_field(self%class, self%field_degree, self%euler, self%field, error)
+      end if
       if (allocated(error)) return
       self%full_cost = self%field_cost + theory_time*self%n_independent
       self%field_cost = self%field_cost + ellipse_time*self%n_independent &

@@ -52,6 +52,14 @@ module compliance_field
       !> Map from F at the nodes (lanes, components 11, 22, 33, 23, 13, 12, blocks) to the modes of
       !> the grains, (6 x nodes, grains x modes).
       real(wp), allocatable, private :: to_modes(:, :)
+      !> Harmonics of the expansion and their greatest degree, rotations of the group, (3, 3, m),
+      !> and the matrix from values at all images of the nodes to coefficients of the harmonics,
+      !> (harmonics, images), the images of a node one after another.
+      type(harmonics_type), private :: harmonics
+      integer :: degree = 0
+      real(wp), allocatable, private :: rotations(:, :, :), fit(:, :)
+   contains
+      procedure :: set_grains => set_mode_map
    end type field_type
 
    !> Number of grains from which on an expansion over directions is considered.
@@ -65,15 +73,18 @@ module compliance_field
       !> Whether the expansion is cheaper than a modulus for each grain. Only then the other
       !> components are set.
       logical :: is_used = .false.
+      !> Degree of the harmonics of the compliance.
+      integer :: degree = 0
       !> Approximate time of `expand`, microseconds.
       real(wp) :: cost = 0.0_wp
+      type(harmonics_type), private :: harmonics
       !> Bunge-Euler angles of the directions whose moduli are computed, (3, direction), radians.
       real(wp), allocatable :: euler(:, :)
       !> Maps from their moduli to coefficients, (harmonic, direction), and from these to moduli of
       !> the grains, (grain, harmonic).
       real(wp), allocatable, private :: to_coefficients(:, :), to_grains(:, :)
    contains
-      procedure :: expand, condense
+      procedure :: set_grains, expand, condense
    end type modulus_expansion_type
 
 contains
@@ -87,41 +98,39 @@ contains
       real(wp), intent(in) :: euler(:, :)
       type(field_type), intent(out) :: field
       type(error_type), allocatable, intent(out) :: error
-      type(harmonics_type) :: harmonics
       type(region_type) :: region
-      !> Rotations of the group, (3, 3, m); the matrix from values at all images of the nodes to
-      !> coefficients of the harmonics, (harmonics, images), the images of a node one after another.
-      real(wp), allocatable :: rotations(:, :, :), fit(:, :)
       real(wp) :: least_nodes
       !> Whether the coefficients are well determined, see `well_determined`.
       logical :: is_good
 
       call new_region(class, region)
-      rotations = group_rotations(class, 2*degree + 2)
-      call new_harmonics(rotations(:, :, :0), degree, harmonics, error)
+      field%degree = degree
+      field%rotations = group_rotations(class, 2*degree + 2)
+      call new_harmonics(field%rotations(:, :, :0), degree, field%harmonics, error)
       if (allocated(error)) return
-      least_nodes = oversampling*harmonics%n/size(rotations, 3)
+      least_nodes = oversampling*field%harmonics%n/size(field%rotations, 3)
       do
          call even_directions(region, degree/2 + 3, least_nodes, field%nodes)
-         call fit_images()
+         call fit_images(field%harmonics, field%rotations, field%fit)
          if (allocated(error)) return
          if (is_good) exit
          least_nodes = size(field%nodes, 2) + 0.5_wp
       end do
-      field%n_grains = size(euler, 2)
       call set_planes(field)
-      call set_mode_map()
+      call field%set_grains(euler)
 
    contains
 
       !> Least squares: the matrix from values at all images of the nodes to coefficients of the
       !> harmonics.
-      subroutine fit_images()
+      subroutine fit_images(harmonics, rotations, fit)
+         type(harmonics_type), intent(in) :: harmonics
+         real(wp), intent(in) :: rotations(:, :, :)
+         real(wp), allocatable, intent(out) :: fit(:, :)
          type(error_type), allocatable :: indefinite
          real(wp), allocatable :: gram(:, :), shifted(:, :)
          integer :: g, i, image
 
-         if (allocated(fit)) deallocate (fit)
          allocate (fit(harmonics%n, size(field%nodes, 2)*size(rotations, 3)))
          image = 0
          do i = 1, size(field%nodes, 2)
@@ -144,14 +153,21 @@ contains
          if (allocated(error)) return
          call cholesky_solve(gram, fit)
       end subroutine fit_images
+   end subroutine new_field
 
-      !> Set the map from F at the nodes to the modes of each grain: the harmonics of n.F(t).n along
-      !> its great circle.
-      subroutine set_mode_map()
-         real(wp), allocatable :: circle(:, :), waves(:, :), weight(:, :)
-         real(wp) :: g(3, 3), theta(maxval(harmonics%degrees)/2 + 4), turned(3), square(6)
-         integer :: grain, i, k, r, image, n_points, m, row, n_retained, first, last
+   !> Set the map from F at the nodes to the modes of each grain: the harmonics of n.F(t).n along
+   !> its great circle.
+   subroutine set_mode_map(field, euler)
+      class(field_type), intent(inout) :: field
+      !> Bunge-Euler angles, radians (3, n).
+      real(wp), intent(in) :: euler(:, :)
+      real(wp), allocatable :: circle(:, :), waves(:, :), weight(:, :)
+      real(wp) :: g(3, 3), theta(maxval(field%harmonics%degrees)/2 + 4), turned(3), square(6)
+      integer :: grain, i, k, r, image, n_points, m, row, n_retained, first, last
 
+      if (allocated(field%to_modes)) deallocate (field%to_modes)
+      field%n_grains = size(euler, 2)
+      associate (harmonics => field%harmonics, rotations => field%rotations, fit => field%fit)
          n_retained = 1 + 2*max(2, min(highest_mode, maxval(harmonics%degrees)/8))
          ! On a circle a polynomial of degree L has L/2 harmonics of 2 theta. This number of points
          ! integrates the modes exactly.
@@ -188,8 +204,8 @@ contains
                end do
             end do
          end do
-      end subroutine set_mode_map
-   end subroutine new_field
+      end associate
+   end subroutine set_mode_map
 
    !> Choose two directions perpendicular to each node and compute their products. The last block
    !> is filled up with its last node.
@@ -335,43 +351,55 @@ contains
       real(wp), intent(in) :: euler(:, :)
       type(modulus_expansion_type), intent(out) :: expansion
       type(error_type), allocatable, intent(out) :: error
-      type(harmonics_type) :: harmonics
       type(region_type) :: region
       real(wp), allocatable :: directions(:, :), values(:, :), gram(:, :)
-      real(wp) :: g(3, 3)
-      integer :: i, n
+      integer :: i, n, n_directions
 
       n = size(euler, 2)
       if (n < many_grains) return
-      call new_harmonics(class%generators, min(largest_degree, degree + finer), harmonics, error)
+      call new_harmonics(class%generators, min(largest_degree, degree + finer), &
+         & expansion%harmonics, error)
       if (allocated(error)) return
-      call new_region(class, region)
-      call spread_of_directions(region, &
-         & ceiling(directions_per_harmonic*harmonics%n) + 8, directions)
-      expansion%is_used = n > 2*size(directions, 2)
+      n_directions = ceiling(directions_per_harmonic*expansion%harmonics%n) + 8
+      expansion%is_used = n > 2*n_directions
       if (.not. expansion%is_used) return
+      call new_region(class, region)
+      call spread_of_directions(region, n_directions, directions)
       allocate (expansion%euler(3, size(directions, 2)), source=0.0_wp)
-      allocate (values(harmonics%n, size(directions, 2)))
+      allocate (values(expansion%harmonics%n, size(directions, 2)))
       do i = 1, size(directions, 2)
          ! phi1 stays 0: the indented direction, the third column of g, is (sin phi2 sin Phi, cos
          ! phi2 sin Phi, cos Phi).
          expansion%euler(2, i) = acos(min(1.0_wp, max(-1.0_wp, directions(3, i))))
          expansion%euler(3, i) = modulo(atan2(directions(1, i), directions(2, i)), 2.0_wp*pi)
-         call evaluate_harmonics(harmonics, directions(:, i), values(:, i))
+         call evaluate_harmonics(expansion%harmonics, directions(:, i), values(:, i))
       end do
       gram = gram_of(values)
       call cholesky_factor(gram, error)
       if (allocated(error)) return
       call cholesky_solve(gram, values)
       call move_alloc(values, expansion%to_coefficients)
-      allocate (expansion%to_grains(n, harmonics%n))
-      do i = 1, n
+      expansion%degree = degree
+      call expansion%set_grains(euler)
+   end subroutine new_modulus_expansion
+
+   !> Set the map to the moduli of grains.
+   subroutine set_grains(self, euler)
+      class(modulus_expansion_type), intent(inout) :: self
+      !> Bunge-Euler angles of the grains, radians (3, n).
+      real(wp), intent(in) :: euler(:, :)
+      real(wp) :: g(3, 3)
+      integer :: i
+
+      if (allocated(self%to_grains)) deallocate (self%to_grains)
+      allocate (self%to_grains(size(euler, 2), self%harmonics%n))
+      do i = 1, size(euler, 2)
          g = rotation_matrix(euler(:, i))
-         call evaluate_harmonics(harmonics, g(:, 3), expansion%to_grains(i, :))
+         call evaluate_harmonics(self%harmonics, g(:, 3), self%to_grains(i, :))
       end do
       ! 0.2 ns for each multiplication and addition: about 10 Gflop/s.
-      expansion%cost = 0.0002_wp*size(expansion%to_grains)
-   end subroutine new_modulus_expansion
+      self%cost = 0.0002_wp*size(self%to_grains)
+   end subroutine set_grains
 
    !> Replace the values of many grains by few condensed values: |values - W to_grains a|^2 =
    !> |condensed - to_grains' a|^2 + rest for all a, where to_grains' is the new map.
