@@ -81,7 +81,8 @@ module basic_specimen
       !> Elements per contact radius of the coarser mesh of an extrapolation, relative to the finer
       !> one.
       real(wp) :: coarse_ratio = 2.0_wp/3.0_wp
-      !> Relative error at refine = 1 of layers that grow faster than the bricks can follow.
+      !> Relative error at refine = 1 of layers that grow faster than the bricks can follow. It is
+      !> that of any crystal, falls with the square of the fineness, and `mesh_error` leaves it out.
       real(wp) :: layers_error = 0.0_wp
       !> For the half-space: distance of the infinite elements in contact radii, and growth of the
       !> layers before them at refine = 1.
@@ -267,7 +268,7 @@ contains
       instability = instability*log_anisotropy(stiffness)**power_of_anisotropy
       if (two_meshes) instability = extrapolated*instability
       fineness = refine*self%contact_radius/self%element_size
-      mesh_error = instability*(studied_fineness/fineness)**order + self%layers_error/refine**order
+      mesh_error = instability*(studied_fineness/fineness)**order
    end function mesh_error
 
    !> Whether the error of one mesh may be too large for a crystal; contact stiffnesses always need
