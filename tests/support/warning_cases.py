@@ -101,7 +101,10 @@ CASES = {
         {"more": BOUNDS.format("50, 40, 15", "250, 150, 120") + BULK.format(300, 3.3)},
     ),
     "contradicting": (measured, {"more": BULK.format(1650, 3)}),
-    "poor": (lambda: measured("hexagonal", TITANIUM), {"symmetry": "hexagonal", "samples": 20}),
+    "poor": (
+        lambda: measured("hexagonal", TITANIUM),
+        {"symmetry": "hexagonal", "samples": 20, "sampler": ", method = 'scmh'"},
+    ),
     "small_sds": (lambda: measured(sd=0.0001), {"measurements": ", scale = 'inferred'"}),
     "sds_below": (lambda: measured(sd=0.004), {}),
     "sds_above": (lambda: measured(sd=0.2), {}),

@@ -106,8 +106,14 @@ def grain_comparison(results: Results) -> Picture:
     inferred scatter in the sds.
     """
     grains = [] if results.without_orientations else results.predicted
-    settings = {"scatter": results.scatter, "factor": results.shared_factor}
-    return compared(grains, results.kind, "GPa", "grains", **settings)
+    return compared(
+        grains,
+        results.kind,
+        "GPa",
+        "grains",
+        scatter=results.scatter,
+        factor=results.shared_factor,
+    )
 
 
 def velocities(results: Results) -> Picture:
