@@ -50,8 +50,8 @@ module abstract_sampler
       !> Shape of the tail of the weights, and of the weights times the squared deviation of any
       !> coordinate (the greatest).
       real(wp) :: pareto_k = 0.0_wp
-      !> Greatest weight of a draw, in mean weights.
-      real(wp) :: greatest_weight = 0.0_wp
+      !> Whether the weights can be trusted.
+      logical :: is_reliable = .false.
       !> Mean and sd of each coordinate, and their standard errors, (dimension).
       real(wp), allocatable :: mean(:), sd(:), mean_error(:), sd_error(:)
    end type estimate_type

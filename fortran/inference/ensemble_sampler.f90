@@ -58,8 +58,9 @@ contains
       type(random_stream_type), intent(inout) :: stream
       !> Its acceptance is the share of accepted draws of the mixture.
       type(chain_type), intent(inout) :: chain
-      !> The short burn-in is divided by this number.
-      integer, parameter :: short_divisor = 3
+      !> The short burn-in is divided by this number. Fewer proposals do not show the tail of their
+      !> weights.
+      integer, parameter :: short_divisor = 3, least_proposals = 5000
       integer :: sweeps
       logical :: is_made
 
@@ -75,7 +76,9 @@ contains
       is_made = .false.
       if (effort < most_efforts) then
          call self%mixture%setup(self%population, self%population%whitening)
-         call draw_independently(self%mixture, target, stream, chain, is_made)
+         ! A sampler of one effort looks for any draws near the posterior.
+         call draw_independently(self%mixture, target, stream, merge(1, least_proposals, &
+            & self%efforts == 1), chain, is_made)
       end if
       if (effort == self%efforts .and. .not. is_made) then
          call walk_from_population(self, target, stream, chain)

@@ -16,26 +16,24 @@ module independent_draws
    private
    public :: draw_independently, agree, pareto_shape
 
-   !> Greatest reliable k, and greatest weight of a draw, in mean weights: the chain stays at it for
-   !> about as many proposals.
-   real(wp), parameter :: most_k = 0.7_wp, most_weight = 50.0_wp
-
 contains
 
    !> Make a chain, in working coordinates, whose proposals are draws of a mixture, which is first
    !> improved by importance sampling. The chain has an estimate if its weights can be trusted.
-   subroutine draw_independently(mixture, target, stream, chain, is_made)
+   subroutine draw_independently(mixture, target, stream, least_draws, chain, is_made)
       !> On entry it is fitted to the points of the burn-in.
       type(mixture_move_type), intent(inout) :: mixture
       class(target_type), intent(in) :: target
       type(random_stream_type), intent(inout) :: stream
+      !> Least number of proposals.
+      integer, intent(in) :: least_draws
       type(chain_type), intent(inout) :: chain
       !> Whether there is a chain: the mixture fits well enough.
       logical, intent(out) :: is_made
       !> Rounds of draws that improve the mixture, and of those that are proposals. A long search is
       !> not worth its time for few samples.
       integer, parameter :: least_rounds = 4, most_rounds = 12, most_finals = 3, &
-         & least_draws = 600, most_draws = 3000
+         & least_in_round = 600, most_in_round = 3000
       !> Effective share of the draws from which on they are proposals, and below which a Markov
       !> chain is the better way.
       real(wp), parameter :: good_quality = 0.4_wp, least_quality = 0.1_wp
@@ -45,8 +43,8 @@ contains
       is_made = .false.
       if (allocated(chain%estimate)) deallocate (chain%estimate)
       do round = 1, most_rounds
-         call mixture%draw_inside(target, stream, min(most_draws, &
-            & max(least_draws, size(chain%log_density)/6)))
+         call mixture%draw_inside(target, stream, min(most_in_round, &
+            & max(least_in_round, size(chain%log_density)/6)))
          if (stop_requested() .or. size(mixture%log_weights) == 0) return
          call mixture%learn()
          ! The mixture must have shown that it is good: its draws may have found a tail.
@@ -54,17 +52,17 @@ contains
       end do
       do finals = 1, most_finals
          if (mixture%quality < least_quality) return
-         n_steps = steps_of(mixture%quality)
+         n_steps = max(steps_of(mixture%quality), (least_draws - 1)/size(chain%log_density) + 1)
          call mixture%draw_inside(target, stream, n_steps*size(chain%log_density))
          if (stop_requested()) return
          if (size(mixture%log_weights) < n_steps*size(chain%log_density)) return
          estimate = estimate_of(mixture%pool%w, mixture%log_weights)
-         if (is_reliable(estimate) .or. finals == most_finals) exit
+         if (estimate%is_reliable .or. finals == most_finals) exit
          call mixture%learn()
       end do
       is_made = .true.
       call propose_all(mixture%pool, mixture%log_weights, n_steps, stream, chain)
-      if (.not. is_reliable(estimate)) return
+      if (.not. estimate%is_reliable) return
       ! The mixture is a density in whitened coordinates.
       estimate%log_integral = estimate%log_integral + log(mixture%share_inside) &
          & + mixture%whitening%log_volume
@@ -119,6 +117,9 @@ contains
    pure type(estimate_type) function estimate_of(w, log_weights) result(estimate)
       !> Working coordinates, (dimension, draw), and logarithms of the weights, (draw).
       real(wp), intent(in) :: w(:, :), log_weights(:)
+      !> Greatest k; and greatest weight, in mean weights, and share in all weights of one draw: the
+      !> chain stays at it for about as many proposals, and this share of its samples.
+      real(wp), parameter :: most_k = 0.7_wp, most_weight = 50.0_wp, most_share = 0.02_wp
       real(wp), allocatable :: weights(:), squares(:)
       integer :: j, n
 
@@ -127,7 +128,6 @@ contains
       estimate%log_integral = maxval(log_weights) + log(sum(weights)/n)
       weights = weights/sum(weights)
       estimate%log_integral_error = sqrt(max(0.0_wp, sum(weights**2) - 1.0_wp/n))
-      estimate%greatest_weight = n*maxval(weights)
       estimate%pareto_k = pareto_shape(weights)
       estimate%mean = matmul(w, weights)
       estimate%sd = estimate%mean
@@ -143,14 +143,9 @@ contains
          squares = weights*squares
          estimate%pareto_k = max(estimate%pareto_k, pareto_shape(squares))
       end do
+      estimate%is_reliable = estimate%pareto_k < most_k &
+         & .and. maxval(weights) < min(most_share, most_weight/n)
    end function estimate_of
-
-   !> Whether the weights of an estimate can be trusted.
-   pure logical function is_reliable(self)
-      type(estimate_type), intent(in) :: self
-
-      is_reliable = self%pareto_k < most_k .and. self%greatest_weight < most_weight
-   end function is_reliable
 
    !> Whether two estimates agree: the integrals, the means within a tenth of an sd, and the sds
    !> within 5 %.

@@ -38,7 +38,7 @@ def test_help_and_version(batch):
     assert done.stdout.startswith("usage: bayesindent-batch FILE.nml")
     done = batch("--version")
     assert done.returncode == 0
-    assert done.stdout.startswith("bayesindent-batch 0.")
+    assert re.fullmatch(r"bayesindent-batch \d+\.\d+\.\d+\n", done.stdout)
 
 
 @pytest.mark.parametrize(

@@ -199,7 +199,7 @@ def test_severities_and_repetitions():
     sentence = row["sentence"].format(subject="C12", r_hat=1.2, allowed=1.05)
     assert diagnostics.message(grave) == f"{sentence}. {row['remedy']}"
     assert diagnostics.labelled(grave).startswith(f"the result cannot be used: {sentence}")
-    assert diagnostics.labelled(helpful).startswith("note: a from 31 to 2.")
+    assert diagnostics.labelled(helpful).startswith("note: a from 31.2 to 2.75 GPa")
     other = in_document("not_mixed", "C11", [1.2, 1.05])
     table = in_document("table_changed", "a.csv: read as UTF-16", [])
     found = [table, grave, helpful, grave, other]

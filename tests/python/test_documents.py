@@ -66,7 +66,7 @@ def test_a_table_of_numbers_says_where_they_come_from(page):
     )
     named = (
         r"bench [a-z]+|bayesindent(-batch)? "
-        r"(--schema|dev wheel|run|build|extract|test)|(tests|inputs)/[\w./]+|test_\w+"
+        r"(--schema|dev wheel|reproduce|run|build|extract|test)|(tests|inputs)/[\w./]+|test_\w+"
     )
     opening, *sections = re.split(r"(?m)^(?=##)", page.read_text())
     for section in (opening, *sections):
