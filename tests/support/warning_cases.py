@@ -101,6 +101,7 @@ CASES = {
         {"more": BOUNDS.format("50, 40, 15", "250, 150, 120") + BULK.format(300, 3.3)},
     ),
     "contradicting": (measured, {"more": BULK.format(1650, 3)}),
+    "few": (measured, {"samples": 20}),
     "poor": (
         lambda: measured("hexagonal", TITANIUM),
         {"symmetry": "hexagonal", "samples": 20, "sampler": ", method = 'scmh'"},
