@@ -29,10 +29,8 @@ module analysis
    use variance_shares, only: find_shares, shares_type, verdict_of
    implicit none
    private
-   public :: analysis_type, greatest_p, unmixed
+   public :: analysis_type, greatest_p
 
-   !> Above this R-hat the chains are not draws of one distribution.
-   real(wp), parameter :: unmixed = 1.05_wp
    !> A misfit of this probability leaves no constant determined.
    real(wp), parameter :: greatest_p = 1.0e-3_wp
 
@@ -81,7 +79,7 @@ module analysis
       !> Wall-clock time of the posterior's chains.
       real(wp) :: seconds = 0.0_wp
    contains
-      procedure :: prepare, infer, verdict, is_misfit, least_value
+      procedure :: prepare, infer, verdict, is_misfit, least_value, most_r_hat
    end type analysis_type
 
 contains
@@ -279,7 +277,7 @@ contains
          effective = minval(self%parameters%diagnostics%ess_bulk)
          ! Grains of unknown orientation have no shares either: the posterior mean does not depend
          ! linearly on a modulus.
-         if (any(self%parameters%diagnostics%r_hat > unmixed) &
+         if (any(self%parameters%diagnostics%r_hat > self%most_r_hat()) &
             & .or. allocated(self%posterior%unknown)) then
             effective = 0.0_wp
          end if
@@ -315,6 +313,19 @@ contains
          & self%parameter_shares(i))
       if (verdict == 'determined' .and. self%is_misfit(greatest_p)) verdict = 'weak'
    end function verdict
+
+   !> R-hat above which the chains are not draws of one distribution. Chains of the ensemble follow
+   !> where independent draws failed: at 1.034 the sds of 21 constants were 12 to 35 % too small.
+   pure real(wp) function most_r_hat(self)
+      class(analysis_type), intent(in) :: self
+      real(wp), parameter :: of_chains = 1.05_wp, of_ensemble = 1.02_wp
+
+      most_r_hat = of_chains
+      if (self%problem%settings%sampler%method == 'ensemble' &
+         & .and. .not. allocated(self%chains%estimates)) then
+         most_r_hat = of_ensemble
+      end if
+   end function most_r_hat
 
    !> Whether the residuals are so large that their probability is below p, and that another factor
    !> on the sds matters.

@@ -4,7 +4,7 @@ module posterior_diagnostics
    use constants_prior, only: knowledge_type
    use diagnostics, only: diagnostic_type, is_usable
    use errors, only: error_type
-   use analysis, only: analysis_type, greatest_p, unmixed
+   use analysis, only: analysis_type, greatest_p
    use field_reading, only: allowed_error
    use files, only: printable
    use indenters, only: indenter_type, new_indenter
@@ -229,7 +229,7 @@ contains
          effective = min(diagnostics%ess_bulk, diagnostics%ess_tail)
          ! The first level makes a result unusable.
          do level = 1, 2
-            greatest = merge(unmixed, greatest_r_hat, level == 1)
+            greatest = merge(found%most_r_hat(), greatest_r_hat, level == 1)
             ! One chain has no R-hat.
             if (n_chains > 1 .and. any(.not. diagnostics%r_hat <= greatest)) then
                i = max(1, maxloc(diagnostics%r_hat, dim=1))
