@@ -27,7 +27,8 @@ module evidence_regression
       !> near the centre of its prior.
       real(wp), allocatable :: prior_width(:)
       real(wp) :: decay_rate = 0.4_wp
-      !> Whitened terms (n_terms, n_data), and y.
+      !> Terms (n_terms, n_data) and y, and the same whitened: times W, and divided by the noise.
+      real(wp), allocatable, private :: plain_terms(:, :), plain_targets(:)
       real(wp), allocatable :: terms(:, :), targets(:)
       !> Whether each observation is of a derivative, (n_data), and the noise of these relative to
       !> that of values.
@@ -66,6 +67,8 @@ contains
 
       regression%n_terms = size(degrees)
       allocate (regression%terms(size(degrees), 0), regression%targets(0), regression%is_slope(0))
+      regression%plain_terms = regression%terms
+      regression%plain_targets = regression%targets
       regression%moment = spread(0.0_wp, 1, size(degrees))
       regression%prior_width = regression%moment + 1.0_wp
       regression%degrees = degrees
@@ -82,34 +85,36 @@ contains
       real(wp), intent(in) :: decay_rate
       !> Width of a term of degree 0.
       real(wp), parameter :: free = 100.0_wp
-      real(wp) :: ratio(regression%n_terms)
 
-      ratio = merge(decay_rate**max(0, regression%degrees - 1), free, &
-         & regression%degrees > 0)/regression%prior_width
+      regression%prior_width = merge(decay_rate**max(0, regression%degrees - 1), free, &
+         & regression%degrees > 0)
       regression%decay_rate = decay_rate
-      regression%prior_width = regression%prior_width*ratio
-      regression%moment = regression%moment*ratio
-      call scale_columns(ratio, regression%terms)
+      call whiten(regression)
    end subroutine set_decay_rate
 
    !> Change the noise of derivatives. The posterior is not computed anew.
    subroutine set_slope_noise(regression, slope_noise)
       type(regression_type), intent(inout) :: regression
       real(wp), intent(in) :: slope_noise
-      real(wp) :: ratio
+
+      regression%slope_noise = slope_noise
+      call whiten(regression)
+   end subroutine set_slope_noise
+
+   !> Whiten all data. The bits do not depend on earlier widths and noises.
+   pure subroutine whiten(regression)
+      type(regression_type), intent(inout) :: regression
+      real(wp) :: noise
       integer :: j
 
-      ratio = regression%slope_noise/slope_noise
-      regression%slope_noise = slope_noise
       regression%moment = 0.0_wp
       do j = 1, regression%n_data
-         if (regression%is_slope(j)) then
-            regression%terms(:, j) = ratio*regression%terms(:, j)
-            regression%targets(j) = ratio*regression%targets(j)
-         end if
+         noise = merge(regression%slope_noise, 1.0_wp, regression%is_slope(j))
+         regression%targets(j) = regression%plain_targets(j)/noise
+         regression%terms(:, j) = regression%prior_width*regression%plain_terms(:, j)/noise
          regression%moment = regression%moment + regression%targets(j)*regression%terms(:, j)
       end do
-   end subroutine set_slope_noise
+   end subroutine whiten
 
    !> Multiply each column of a matrix (n, m) by factors (n), such as the prior's widths.
    pure subroutine scale_columns(factors, matrix)
@@ -129,22 +134,21 @@ contains
       !> Whether each is a derivative.
       logical, intent(in) :: are_slopes(:)
       real(wp), allocatable :: larger(:, :)
-      real(wp) :: noise(size(y))
-      integer :: j, n
+      integer :: n
 
       n = regression%n_data
-      noise = merge(regression%slope_noise, 1.0_wp, are_slopes)
       regression%n_data = n + size(y)
-      regression%targets = [regression%targets, y/noise]
+      regression%plain_targets = [regression%plain_targets, y]
+      regression%targets = regression%plain_targets
       regression%is_slope = [regression%is_slope, are_slopes]
       ! A function's result would be on the stack, and this array may be large.
       allocate (larger(regression%n_terms, regression%n_data))
-      larger(:, :n) = regression%terms
-      do j = 1, size(y)
-         larger(:, n + j) = regression%prior_width*terms(:, j)/noise(j)
-         regression%moment = regression%moment + regression%targets(n + j)*larger(:, n + j)
-      end do
-      call move_alloc(larger, regression%terms)
+      larger(:, :n) = regression%plain_terms
+      larger(:, n + 1:) = terms
+      call move_alloc(larger, regression%plain_terms)
+      deallocate (regression%terms)
+      allocate (regression%terms(regression%n_terms, regression%n_data))
+      call whiten(regression)
    end subroutine add_data
 
    !> ln p(y | alpha, beta) of Eq. 8.
@@ -177,8 +181,7 @@ contains
       !> (docs/verification/surrogate.md).
       integer, parameter :: n_rates = 14
       real(wp), parameter :: least = -2.1_wp, step = 0.15_wp, typical = -0.9_wp, sd = 0.12_wp
-      !> Noises of derivatives that are tried. They are powers of 2, with which terms are scaled
-      !> exactly: a build that goes on has the same bits.
+      !> Noises of derivatives that are tried.
       real(wp), parameter :: noises(8) &
          & = [0.5_wp, 1.0_wp, 2.0_wp, 4.0_wp, 8.0_wp, 16.0_wp, 32.0_wp, 64.0_wp]
       type(spectrum_type) :: spectrum, best
