@@ -378,4 +378,5 @@ def test_nothing_but_texts_depends_on_the_sentences(tmp_path):
     # The copy knows no sentence, and most codes of measurements and posteriors are there.
     assert all(code == text for code, text in texts["codes"])
     given = {code for code, _ in texts["words"]}
-    assert given == {code for code, _ in texts["codes"]} and len(given) >= 25, "\n".join(sorted(given))
+    assert given == {code for code, _ in texts["codes"]}
+    assert len(given) >= 25, sorted(given)

@@ -240,8 +240,9 @@ class Results:
         grains = [item for item in self.predicted if item.get("measured_sd")]
         if len(factors) != 1 or not factors[0]["prior_sd"] or not grains:
             return 1.0
-        columns = ("measured", "mean", "measured_sd")
-        measured, mean, sd = np.array([[item[name] for name in columns] for item in grains]).T
+        measured = np.array([item["measured"] for item in grains])
+        mean = np.array([item["mean"] for item in grains])
+        sd = np.array([item["measured_sd"] for item in grains])
         return float(np.sum(measured * mean / sd**2) / np.sum((mean / sd) ** 2))
 
     @property
