@@ -119,7 +119,7 @@ contains
    end subroutine draw_mixture
 
    !> Make some steps of expectation-maximisation. In the means and scale matrices a point counts
-   !> less the farther it is (Kent, Tyler & Vardi, Commun. Stat. Simul. 23, 441, 1994).
+   !> less the farther it is (Kent, Tyler & Vardi, Communications in Statistics 23, 441, 1994).
    subroutine fit_mixture(points, weights, steps, mixture)
       !> (n, n_points), (n_points).
       real(wp), intent(in), contiguous :: points(:, :), weights(:)

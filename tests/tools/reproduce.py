@@ -20,7 +20,7 @@ from support.tree import SOURCE
 PLANS = {"whole": run.WHOLE, "quick": run.QUICK, "tiny": run.TINY}
 
 
-def main(argv=None) -> int:
+def main(argv: list[str] | None = None) -> int:
     """Compute what is missing; write the page."""
     parser = argparse.ArgumentParser(prog="bayesindent reproduce", description=__doc__)
     parser.add_argument(
