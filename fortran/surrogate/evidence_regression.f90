@@ -33,7 +33,7 @@ module evidence_regression
       !> Whether each observation is of a derivative, (n_data), and the noise of these relative to
       !> that of values.
       logical, allocatable :: is_slope(:)
-      real(wp) :: slope_noise = 2.0_wp
+      real(wp) :: slope_noise = exp(0.5_wp)
       !> Smallest standard deviation of the noise, in units of y.
       real(wp) :: least_noise = 0.0_wp
       real(wp) :: alpha = 1.0_wp, beta = 1.0_wp
@@ -181,9 +181,9 @@ contains
       !> (docs/verification/surrogate.md).
       integer, parameter :: n_rates = 14
       real(wp), parameter :: least = -2.1_wp, step = 0.15_wp, typical = -0.9_wp, sd = 0.12_wp
-      !> Noises of derivatives that are tried.
-      real(wp), parameter :: noises(8) &
-         & = [0.5_wp, 1.0_wp, 2.0_wp, 4.0_wp, 8.0_wp, 16.0_wp, 32.0_wp, 64.0_wp]
+      !> The same of the noise of derivatives.
+      integer, parameter :: n_noises = 11
+      real(wp), parameter :: least_log_noise = -1.0_wp, log_noise_step = 0.5_wp
       type(spectrum_type) :: spectrum, best
       !> alpha/beta of largest evidence at a decay rate, and ln evidence there.
       real(wp) :: ratio, value, log_rate, best_rate, best_ratio, best_noise
@@ -204,9 +204,9 @@ contains
          if (allocated(error)) return
       end do
       if (decays) call set_decay_rate(regression, exp(best_rate))
-      do i = 1, merge(size(noises), 0, any(regression%is_slope))
+      do i = 1, merge(n_noises, 0, any(regression%is_slope))
          log_rate = best_rate
-         call set_slope_noise(regression, noises(i))
+         call set_slope_noise(regression, exp(least_log_noise + log_noise_step*(i - 1)))
          call try_present()
          if (allocated(error)) return
       end do
