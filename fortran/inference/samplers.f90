@@ -2,8 +2,8 @@
 !>
 !> Chain k draws from the random stream (seed, first_stream + k - 1), whatever thread runs it.
 !>
-!> A finished chain is stored on the disk until the results are written. A run that was stopped
-!> resumes from these files, with the same numbers.
+!> A finished Markov chain is stored on the disk until the results are written. A run that was
+!> stopped resumes from these files, with the same numbers. Independent draws are made again.
 !>
 !> The target, the sampler's settings and the random stream determine a chain. Its file is named by
 !> a hash of the settings and of the log densities of some points: other measurements, another
