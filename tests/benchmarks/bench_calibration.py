@@ -67,7 +67,7 @@ CASES: dict[str, tuple[str, int, dict]] = {
     "default prior, hexagonal": ("Zn", 16, {"default": 3}),
     "default prior, tetragonal": ("rutile", 20, {"default": 4}),
     # Of the paper's block, taught by so many simulations, with measurements about as good as it is.
-    "correction, cubic": ("copper", 12, {"simulations": 10, "noise": 0.003}),
+    "correction, cubic": ("copper", 12, {"simulations": 10, "noise": 0.001}),
     "correction, orthorhombic": ("forsterite", 16, {"simulations": 10, "noise": 0.002}),
     "misalignment": ("Zn", 12, {"misalignment_sd_deg": 3.0}),
     # As many speeds at 0.5 % as moduli, with errors that each kind shares, or each of two groups of
