@@ -4,7 +4,6 @@ module class_rivals
    use constants_posterior, only: new_posterior
    use constants_prior, only: new_prior, prior_type
    use crystal_class, only: crystal_class_names, crystal_class_type, new_crystal_class
-   use errors, only: error_type
    use kinds, only: wp
    use quantities, only: check_quantity
    use rival_cases, only: case_type, rival_type
@@ -17,11 +16,10 @@ module class_rivals
 contains
 
    !> The class k of the list of all names. A synonym repeats an earlier class and is none.
-   subroutine make_class(case, k, rival, error)
+   subroutine make_class(case, k, rival)
       type(case_type), intent(in) :: case
       integer, intent(in) :: k
-      type(rival_type), intent(out) :: rival
-      type(error_type), allocatable, intent(out) :: error
+      type(rival_type), intent(inout) :: rival
       character(len=:), allocatable :: names(:)
       type(crystal_class_type) :: class
 
@@ -29,52 +27,39 @@ contains
       if (k > size(names)) return
       rival%explanation = trim(names(k))//' crystals'
       rival%remedy = 'symmetry = '''//trim(names(k))//''''
-      call new_crystal_class(trim(names(k)), class, error)
-      if (allocated(error)) return
+      call new_crystal_class(trim(names(k)), class, rival%error)
       associate (stated => case%problem%class)
          if (class%name == names(k) .and. class%name /= stated%name &
             & .and. class%n_constants - stated%n_constants <= stated%n_constants + 1) then
-            call change_class(case, class, rival, error)
+            call change_class(case, class, rival)
          end if
       end associate
    end subroutine make_class
 
    !> Set the posterior of a class with the default prior, unless knowledge is of constants that the
    !> class does not have.
-   subroutine change_class(case, class, rival, error)
+   subroutine change_class(case, class, rival)
       type(case_type), intent(in) :: case
       type(crystal_class_type), intent(in) :: class
       type(rival_type), intent(inout) :: rival
-      type(error_type), allocatable, intent(out) :: error
       type(prior_type) :: prior
       integer :: i
 
       associate (stated => case%stated)
          do i = 1, size(stated%prior%knowledge%mean)
-            call check_quantity(stated%prior%knowledge%quantities(i), class, error)
-            if (allocated(error)) then
-               deallocate (error)
-               return
-            end if
+            call check_quantity(stated%prior%knowledge%quantities(i), class, &
+               & rival%error)
+            if (allocated(rival%error)) return
          end do
          call new_prior(case%surrogate%basis%domain, class, prior_settings_type(), &
-            & stated%prior%typical_young, stated%prior%knowledge, prior, error)
-         if (allocated(error)) then
-            ! No crystal of the class is within the domain.
-            deallocate (error)
-            return
-         end if
+            & stated%prior%typical_young, stated%prior%knowledge, prior, rival%error)
+         if (allocated(rival%error)) return
          allocate (rival%posterior)
          call new_posterior(case%surrogate, prior, stated%settings, &
             & case%problem%settings%sampler%surrogate_variance == 'full', stated%data, &
-            & rival%posterior, error)
-         if (allocated(error)) then
-            ! The surrogate has no crystals of the class.
-            deallocate (error, rival%posterior)
-            return
-         end if
-         if (stated%grains%has_theory) then
-            call rival%posterior%set_field_degree(stated%grains%field_degree, error)
+            & rival%posterior, rival%error)
+         if (stated%grains%has_theory .and. .not. allocated(rival%error)) then
+            call rival%posterior%set_field_degree(stated%grains%field_degree, rival%error)
          end if
       end associate
    end subroutine change_class

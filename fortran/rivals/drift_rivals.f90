@@ -3,8 +3,7 @@
 module drift_rivals
    use errors, only: error_type
    use kinds, only: wp
-   use measured_grains, only: measured_type
-   use rival_cases, only: case_type, change_model, rival_type
+   use rival_cases, only: case_type, rival_type
    use text, only: to_text
    implicit none
    private
@@ -20,11 +19,10 @@ module drift_rivals
 contains
 
    !> A drift with column k.
-   subroutine make_drift(case, k, rival, error)
+   subroutine make_drift(case, k, rival)
       type(case_type), intent(in) :: case
       integer, intent(in) :: k
-      type(rival_type), intent(out) :: rival
-      type(error_type), allocatable, intent(out) :: error
+      type(rival_type), intent(inout) :: rival
       real(wp) :: values(size(case%points))
 
       if (k > size(columns)) return
@@ -33,16 +31,15 @@ contains
       call read_values(case, trim(columns(k)), values)
       if (.not. maxval(values) > minval(values)) return
       values = (values - sum(values)/size(values))/(maxval(values) - minval(values))
-      call add_errors(case, reshape(drift_sd*values, [size(values), 1]), rival, error)
+      call add_errors(rival, reshape(drift_sd*values, [size(values), 1]))
    end subroutine make_drift
 
    !> Sessions: those of the column group, each with a factor; or two, one before and one after a
    !> part k of the rows.
-   subroutine make_session(case, k, rival, error)
+   subroutine make_session(case, k, rival)
       type(case_type), intent(in) :: case
       integer, intent(in) :: k
-      type(rival_type), intent(out) :: rival
-      type(error_type), allocatable, intent(out) :: error
+      type(rival_type), intent(inout) :: rival
       integer, parameter :: parts = 6
       real(wp), allocatable :: shared(:, :)
       integer :: first, i, n
@@ -65,21 +62,17 @@ contains
          shared = reshape(merge(session_sd, -session_sd, [(i >= first, i=1, n)])/sqrt(2.0_wp), &
             & [n, 1])
       end if
-      call add_errors(case, shared, rival, error)
+      call add_errors(rival, shared)
    end subroutine make_session
 
    !> The stated model with further relative errors that the measurements share, (grain, error).
-   subroutine add_errors(case, shared, rival, error)
-      type(case_type), intent(in) :: case
-      real(wp), intent(in) :: shared(:, :)
+   subroutine add_errors(rival, shared)
       type(rival_type), intent(inout) :: rival
-      type(error_type), allocatable, intent(out) :: error
-      type(measured_type) :: measured
+      real(wp), intent(in) :: shared(:, :)
 
-      measured = case%stated%data
-      measured%shared = reshape([case%stated%data%shared, shared], &
-         & [size(shared, 1), size(shared, 2) + size(case%stated%data%shared, 2)])
-      call change_model(case, measured, case%stated%settings, rival, error)
+      rival%data%shared = reshape([rival%data%shared, shared], &
+         & [size(shared, 1), size(shared, 2) + size(rival%data%shared, 2)])
+      rival%differs = .true.
    end subroutine add_errors
 
    !> A column of the measurements for each compared grain; all the same if there is none.

@@ -2,11 +2,9 @@
 !> orientation, outliers, and grains of a second phase.
 module noise_rivals
    use error_models, only: error_model_type
-   use errors, only: error_type
    use files, only: printable
    use kinds, only: pi, wp
-   use rival_cases, only: case_type, change_model, rival_type
-   use settings_schema, only: measurements_settings_type
+   use rival_cases, only: case_type, rival_type
    use text, only: fixed, to_text
    implicit none
    private
@@ -62,87 +60,63 @@ module noise_rivals
 contains
 
    !> The sds times an inferred factor.
-   subroutine make_scale(case, k, rival, error)
+   subroutine make_scale(case, k, rival)
       type(case_type), intent(in) :: case
       integer, intent(in) :: k
-      type(rival_type), intent(out) :: rival
-      type(error_type), allocatable, intent(out) :: error
-      type(measurements_settings_type) :: settings
+      type(rival_type), intent(inout) :: rival
 
       if (k > 1) return
       rival%explanation = 'sds that are wrong by a common factor'
       rival%remedy = 'scale = ''inferred'''
-      if (case%stated%infers_scale) return
-      settings = case%stated%settings
-      settings%scale = 'inferred'
-      call change_model(case, case%stated%data, settings, rival, error)
+      rival%settings%scale = 'inferred'
+      rival%differs = .not. case%stated%infers_scale
    end subroutine make_scale
 
    !> A scatter k between grains.
-   subroutine make_scatter(case, k, rival, error)
+   subroutine make_scatter(case, k, rival)
       type(case_type), intent(in) :: case
       integer, intent(in) :: k
-      type(rival_type), intent(out) :: rival
-      type(error_type), allocatable, intent(out) :: error
-      type(measurements_settings_type) :: settings
+      type(rival_type), intent(inout) :: rival
 
       if (k > size(scatters)) return
       rival%explanation = 'grains that differ by about '//fixed(100.0_wp*scatters(k), 0) &
          & //' % beyond their orientation'
       rival%remedy = 'scatter_sd = '//to_text(scatters(k), 2)
-      settings = case%stated%settings
-      if (settings%scatter_sd >= scatters(k)) return
-      settings%scatter_sd = scatters(k)
-      call change_model(case, case%stated%data, settings, rival, error)
+      rival%settings%scatter_sd = scatters(k)
+      rival%differs = case%stated%settings%scatter_sd < scatters(k)
    end subroutine make_scatter
 
    !> Outliers with the share k.
-   subroutine make_outliers(case, k, rival, error)
+   subroutine make_outliers(case, k, rival)
       type(case_type), intent(in) :: case
       integer, intent(in) :: k
-      type(rival_type), intent(out) :: rival
-      type(error_type), allocatable, intent(out) :: error
-      type(measurements_settings_type) :: settings
+      type(rival_type), intent(inout) :: rival
 
       if (k > size(shares)) return
       rival%explanation = 'outliers'
       rival%remedy = 'likelihood = ''student'''
-      settings = case%stated%settings
-      settings%likelihood = 'normal'
-      call change_model(case, case%stated%data, settings, rival, error)
-      if (allocated(error)) return
-      associate (posterior => rival%posterior, data => case%stated%data)
-         deallocate (posterior%errors)
-         allocate (posterior%errors, source=outlier_errors_type(share=shares(k), &
+      rival%settings%likelihood = 'normal'
+      associate (data => case%stated%data)
+         allocate (rival%errors, source=outlier_errors_type(share=shares(k), &
             & width=outlier_sd*sum(data%modulus)/sum(data%sd)))
       end associate
+      rival%differs = .true.
    end subroutine make_outliers
 
    !> A second phase with the ratio k.
-   subroutine make_phases(case, k, rival, error)
+   subroutine make_phases(case, k, rival)
       type(case_type), intent(in) :: case
       integer, intent(in) :: k
-      type(rival_type), intent(out) :: rival
-      type(error_type), allocatable, intent(out) :: error
-      type(measurements_settings_type) :: settings
-      type(phase_errors_type), allocatable :: errors
+      type(rival_type), intent(inout) :: rival
 
       if (k > size(ratios)) return
       rival%explanation = 'grains of a second phase, about '//fixed(ratios(k), 1) &
          & //' times as stiff'
-      rival%remedy = ''
-      settings = case%stated%settings
-      settings%likelihood = 'normal'
-      if (case%stated%n_shared > 0 .or. case%stated%infers_scale) return
-      call change_model(case, case%stated%data, settings, rival, error)
-      if (allocated(error)) return
-      allocate (errors)
-      errors%share = phase_share
-      errors%width = phase_width
-      errors%ratio = ratios(k)
-      errors%measured = case%stated%data%modulus/case%stated%data%sd
-      deallocate (rival%posterior%errors)
-      call move_alloc(errors, rival%posterior%errors)
+      rival%settings%likelihood = 'normal'
+      allocate (rival%errors, source=phase_errors_type(share=phase_share, &
+         & width=phase_width, ratio=ratios(k), &
+         & measured=case%stated%data%modulus/case%stated%data%sd))
+      rival%differs = .not. (case%stated%n_shared > 0 .or. case%stated%infers_scale)
    end subroutine make_phases
 
    !> Name the outliers, or the grains of the second phase, in the explanation of a rival, given the

@@ -2,11 +2,8 @@
 module order_rivals
    use crystal_elasticity, only: euler_angles, rotation_matrix
    use direction_columns, only: angles_of_direction
-   use errors, only: error_type
    use kinds, only: degree, wp
-   use measured_grains, only: measured_type
-   use rival_cases, only: case_type, change_model, rival_type
-   use settings_schema, only: measurements_settings_type
+   use rival_cases, only: case_type, rival_type
    implicit none
    private
    public :: make_reading, make_any_order
@@ -30,39 +27,35 @@ module order_rivals
 contains
 
    !> The reading k.
-   subroutine make_reading(case, k, rival, error)
+   subroutine make_reading(case, k, rival)
       type(case_type), intent(in) :: case
       integer, intent(in) :: k
-      type(rival_type), intent(out) :: rival
-      type(error_type), allocatable, intent(out) :: error
-      type(measured_type) :: measured
+      type(rival_type), intent(inout) :: rival
       real(wp) :: g(3, 3), direction(3)
       integer :: i, n
 
       if (k > size(readings)) return
       rival%explanation = trim(readings(k))
-      rival%remedy = ''
       n = size(case%points)
       if (k >= of_map .and. .not. allocated(case%problem%data%misread)) return
       ! Not all rows are compared: their order says nothing.
       if (k >= of_order .and. k < of_axes .and. n < case%problem%data%measurements%n) return
-      measured = case%stated%data
       do i = 1, n
          g = rotation_matrix(case%stated%data%euler(:, i))
          select case (k)
          case (1)
-            measured%euler(:, i) = euler_angles(transpose(g))
+            rival%data%euler(:, i) = euler_angles(transpose(g))
             cycle
          case (2, 3)
             direction = g(:, k - 1)
          case (of_order)
-            measured%euler(:, i) = case%stated%data%euler(:, n + 1 - i)
+            rival%data%euler(:, i) = case%stated%data%euler(:, n + 1 - i)
             cycle
          case (of_order + 1)
-            measured%euler(:, i) = case%stated%data%euler(:, 1 + modulo(i - 2, n))
+            rival%data%euler(:, i) = case%stated%data%euler(:, 1 + modulo(i - 2, n))
             cycle
          case (of_order + 2)
-            measured%euler(:, i) = case%stated%data%euler(:, 1 + modulo(i, n))
+            rival%data%euler(:, i) = case%stated%data%euler(:, 1 + modulo(i, n))
             cycle
          case (of_axes:of_map - 1)
             associate (mistake => k - of_axes + 1)
@@ -73,36 +66,27 @@ contains
                direction = case%problem%data%misread(:, row, k - of_map + 1)
             end associate
          end select
-         measured%euler(:, i) = angles_of_direction(direction)*degree
+         rival%data%euler(:, i) = angles_of_direction(direction)*degree
       end do
-      call change_model(case, measured, case%stated%settings, rival, error)
+      rival%differs = .true.
    end subroutine make_reading
 
    !> Each modulus is of any of the orientations.
-   subroutine make_any_order(case, k, rival, error)
+   subroutine make_any_order(case, k, rival)
       type(case_type), intent(in) :: case
       integer, intent(in) :: k
-      type(rival_type), intent(out) :: rival
-      type(error_type), allocatable, intent(out) :: error
-      type(measured_type) :: measured
-      type(measurements_settings_type) :: settings
+      type(rival_type), intent(inout) :: rival
       integer :: n
 
       if (k > 1) return
       rival%explanation = 'the orientations in any other order'
       rival%remedy = 'orientations = ''unknown'''
-      if (case%stated%infers_scale) return
       n = size(case%points)
-      measured = case%stated%data
-      measured%probability = spread(1.0_wp/n, 1, n)
-      measured%tilt_sd = spread(0.0_wp, 1, n)
-      settings = case%stated%settings
-      settings%misalignment_sd_deg = 0.0_wp
-      settings%likelihood = 'normal'
-      call change_model(case, measured, settings, rival, error)
-      if (.not. allocated(error)) return
-      ! Too many shared errors to integrate over, or a surrogate with a variance.
-      deallocate (error, rival%posterior)
+      rival%data%probability = spread(1.0_wp/n, 1, n)
+      rival%data%tilt_sd = spread(0.0_wp, 1, n)
+      rival%settings%misalignment_sd_deg = 0.0_wp
+      rival%settings%likelihood = 'normal'
+      rival%differs = .not. case%stated%infers_scale
    end subroutine make_any_order
 
 end module order_rivals

@@ -2,7 +2,8 @@
 !> model with one thing changed.
 module rival_cases
    use constants_posterior, only: new_posterior, posterior_type
-   use errors, only: error_type
+   use error_models, only: error_model_type
+   use errors, only: error_type, machine_failure
    use kinds, only: wp
    use measured_grains, only: measured_type
    use problem, only: problem_type
@@ -11,7 +12,7 @@ module rival_cases
    use surrogate_model, only: surrogate_type
    implicit none
    private
-   public :: case_type, new_case, rival_type, change_model
+   public :: case_type, new_case, rival_type, set_up
 
    !> Measurements of more grains are compared on some of them, evenly over the rows, so that the
    !> time is bounded, and on as many at most that are far off.
@@ -32,8 +33,15 @@ module rival_cases
    type :: rival_type
       !> What would have to be true, and the line of the namelist that states it, or ''.
       character(len=:), allocatable :: explanation, remedy
-      !> Unallocated if the rival makes no difference.
+      !> Whether it has other data, settings or errors than the stated model.
+      logical :: differs = .false.
+      type(measured_type) :: data
+      type(measurements_settings_type) :: settings
+      !> In place of those that the settings define, if allocated.
+      class(error_model_type), allocatable :: errors
+      !> Unallocated if the rival makes no difference, or cannot be evaluated.
       type(posterior_type), allocatable :: posterior
+      type(error_type), allocatable :: error
       !> Logarithm of the density of what the rival's posterior leaves out.
       real(wp) :: log_rest = 0.0_wp
    end type rival_type
@@ -81,17 +89,22 @@ contains
       call make_posterior(case, measured, posterior%settings, case%stated, error)
    end subroutine new_case
 
-   !> The stated model with other data or another model of their errors.
-   subroutine change_model(case, measured, settings, rival, error)
+   !> Set the posterior of a rival that differs. A model that is refused is no rival.
+   subroutine set_up(case, rival, error)
       type(case_type), intent(in) :: case
-      type(measured_type), intent(in) :: measured
-      type(measurements_settings_type), intent(in) :: settings
       type(rival_type), intent(inout) :: rival
+      !> Of the machine.
       type(error_type), allocatable, intent(out) :: error
 
-      allocate (rival%posterior)
-      call make_posterior(case, measured, settings, rival%posterior, error)
-   end subroutine change_model
+      if (rival%differs) then
+         allocate (rival%posterior)
+         call make_posterior(case, rival%data, rival%settings, rival%posterior, rival%error)
+         if (allocated(rival%errors)) call move_alloc(rival%errors, rival%posterior%errors)
+      end if
+      if (.not. allocated(rival%error)) return
+      if (allocated(rival%posterior)) deallocate (rival%posterior)
+      if (rival%error%status == machine_failure) call move_alloc(rival%error, error)
+   end subroutine set_up
 
    subroutine make_posterior(case, measured, settings, posterior, error)
       type(case_type), intent(in) :: case

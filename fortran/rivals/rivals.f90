@@ -15,7 +15,7 @@ module rivals
    use noise_rivals, only: make_outliers, make_phases, make_scale, make_scatter, name_outliers
    use order_rivals, only: make_any_order, make_reading
    use problem, only: problem_type
-   use rival_cases, only: case_type, new_case, rival_type
+   use rival_cases, only: case_type, new_case, rival_type, set_up
    use statement_rivals, only: make_kind, make_knowledge, make_limits
    use statistics, only: chi_square_above, moments, sort_order
    use surrogate_model, only: surrogate_type
@@ -25,14 +25,13 @@ module rivals
    public :: explanation_type, diagnosis_type, compare_rivals, constants_at
 
    abstract interface
-      !> Make the rival k of a row, k = 1, 2, .. Without an explanation there are no more; without a
-      !> posterior the rival does not apply.
-      subroutine make_interface(case, k, rival, error)
+      !> Change the rival k of a row, k = 1, 2, .., which is the stated model on entry. Without an
+      !> explanation there are no more.
+      subroutine make_interface(case, k, rival)
          import
          type(case_type), intent(in) :: case
          integer, intent(in) :: k
-         type(rival_type), intent(out) :: rival
-         type(error_type), allocatable, intent(out) :: error
+         type(rival_type), intent(inout) :: rival
       end subroutine make_interface
    end interface
 
@@ -246,7 +245,7 @@ contains
       do i = 1, min(most_refined, size(diagnosis%rivals))
          associate (found => diagnosis%rivals(i), row => rows(diagnosis%rivals(i)%row))
             if (found%log_odds < max(least_odds, diagnosis%rivals(1)%log_odds - near)) exit
-            call row%make(case, found%number, rival, error)
+            call make_rival(case, row, found%number, rival, error)
             if (allocated(error)) return
             rough = found%fit%rough_log_z
             associate (prior => rival%posterior%prior)
@@ -260,6 +259,21 @@ contains
          end associate
       end do
    end subroutine refine
+
+   !> Make the rival k of a row.
+   subroutine make_rival(case, row, k, rival, error)
+      type(case_type), intent(in) :: case
+      type(row_type), intent(in) :: row
+      integer, intent(in) :: k
+      type(rival_type), intent(out) :: rival
+      type(error_type), allocatable, intent(out) :: error
+
+      rival%remedy = ''
+      rival%data = case%stated%data
+      rival%settings = case%stated%settings
+      call row%make(case, k, rival)
+      call set_up(case, rival, error)
+   end subroutine make_rival
 
    !> Fit all rivals of a row.
    subroutine add_row(case, row, place, diagnosis, error)
@@ -277,7 +291,7 @@ contains
       members = 0
       total = 0.0_wp
       do k = 1, huge(k) - 1
-         call row%make(case, k, rival, error)
+         call make_rival(case, row, k, rival, error)
          if (allocated(error) .or. .not. allocated(rival%explanation)) exit
          if (.not. allocated(rival%posterior)) cycle
          if (is_equal(case, row, rival, new, diagnosis)) cycle

@@ -3,12 +3,10 @@
 module statement_rivals
    use constants_posterior, only: posterior_type
    use constants_prior, only: knowledge_type
-   use errors, only: error_type
    use kinds, only: wp
    use model_evidence, only: fit_model, fit_type
    use observables, only: modulus_kinds
-   use rival_cases, only: case_type, change_model, rival_type
-   use settings_schema, only: measurements_settings_type
+   use rival_cases, only: case_type, rival_type
    use text, only: to_text
    implicit none
    private
@@ -17,29 +15,24 @@ module statement_rivals
 contains
 
    !> The moduli are of the kind k.
-   subroutine make_kind(case, k, rival, error)
+   subroutine make_kind(case, k, rival)
       type(case_type), intent(in) :: case
       integer, intent(in) :: k
-      type(rival_type), intent(out) :: rival
-      type(error_type), allocatable, intent(out) :: error
-      type(measurements_settings_type) :: settings
+      type(rival_type), intent(inout) :: rival
 
       if (k > size(modulus_kinds)) return
       rival%explanation = 'moduli of the kind '//trim(modulus_kinds(k))
       rival%remedy = 'modulus_kind = '''//trim(modulus_kinds(k))//''''
-      settings = case%stated%settings
-      if (settings%modulus_kind == modulus_kinds(k)) return
-      settings%modulus_kind = trim(modulus_kinds(k))
-      call change_model(case, case%stated%data, settings, rival, error)
+      rival%settings%modulus_kind = trim(modulus_kinds(k))
+      rival%differs = case%stated%settings%modulus_kind /= modulus_kinds(k)
    end subroutine make_kind
 
    !> The known quantity k is of another crystal, which has the default prior; after the last
    !> quantity: all of them are.
-   subroutine make_knowledge(case, k, rival, error)
+   subroutine make_knowledge(case, k, rival)
       type(case_type), intent(in) :: case
       integer, intent(in) :: k
-      type(rival_type), intent(out) :: rival
-      type(error_type), allocatable, intent(out) :: error
+      type(rival_type), intent(inout) :: rival
       logical, allocatable :: is_other(:)
       integer :: i, n
 
@@ -58,8 +51,8 @@ contains
          rival%explanation = rival%explanation//' of another crystal'
          if (.not. any(is_other)) return
          allocate (rival%posterior, source=case%stated)
-         call rival%posterior%prior%set_knowledge(part_of(known, .not. is_other), error)
-         if (.not. allocated(error)) call set_rest(part_of(known, is_other))
+         call rival%posterior%prior%set_knowledge(part_of(known, .not. is_other), rival%error)
+         if (.not. allocated(rival%error)) call set_rest(part_of(known, is_other))
       end associate
 
    contains
@@ -73,8 +66,8 @@ contains
          alone = case%stated
          alone%prior = alone%prior%without_limits()
          alone%prior_only = .true.
-         call alone%prior%set_knowledge(other, error)
-         if (allocated(error)) return
+         call alone%prior%set_knowledge(other, rival%error)
+         if (allocated(rival%error)) return
          call fit_model(alone, case%crystal, .true., .false., fit)
          rival%log_rest = fit%log_z
          if (.not. fit%found) deallocate (rival%posterior)
@@ -96,11 +89,10 @@ contains
    end function part_of
 
    !> The default prior without the stated limits (1), or with wider sds (2).
-   subroutine make_limits(case, k, rival, error)
+   subroutine make_limits(case, k, rival)
       type(case_type), intent(in) :: case
       integer, intent(in) :: k
-      type(rival_type), intent(out) :: rival
-      type(error_type), allocatable, intent(out) :: error
+      type(rival_type), intent(inout) :: rival
       !> Factor on the sds of contrast and anisotropy.
       real(wp), parameter :: widening = 3.0_wp
 
