@@ -86,9 +86,10 @@ EXAMPLES: dict[str, tuple[str, str, tuple[float, ...]]] = {
     ),
     "mesh_error": (
         "A crystal of log-anisotropy 2.3 was simulated with the default mesh.",
-        "the mesh errs by up to 1.4 %",
-        (),
+        "instability",
+        (1, 2, 1.4, 2),
     ),
+    "layers_error": ("The paper's block was simulated with C3D8.", "", (2.5, 2.6)),
     "simulations_failed": ("The domain has crystals near instability.", "", (2, 60)),
     "candidates_left_out": (
         "A list of crystals has rows beyond the bounds of the domain.",

@@ -9,7 +9,7 @@ module simulation_operations
    use build_stage, only: build_stage_type
    use campaign_import, only: import_table
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
-   use diagnostics, only: diagnostic, diagnostics_text
+   use diagnostics, only: diagnostic, diagnostic_type, diagnostics_text
    use exchange, only: exchange_type
    use fe_element, only: brick_stress, infinite_stiffness
    use fe_indentation, only: indentation_model_type, indentation_result_type, &
@@ -250,6 +250,7 @@ contains
       class(stage_type), pointer :: stage
       class(basis_type), allocatable :: basis
       type(film_type), allocatable :: films(:)
+      type(diagnostic_type), allocatable :: warnings(:)
       real(wp), pointer :: c(:, :, :), euler_deg(:, :)
 
       select case (verb)
@@ -334,7 +335,9 @@ contains
          ! near instability.
          c => x%in%matrices('stiffness')
          allocate (x%values(size(c, 3), 1))
-         call simulation_error(self%settings, c, x%values(:, 1), x%text)
+         call simulation_error(self%settings, c, x%values(:, 1), warnings)
+         x%text = ''
+         if (size(warnings) > 0) x%text = warnings(1)%message()
       case default
          call x%refuse(verb)
       end select

@@ -4,7 +4,6 @@ module class_rivals
    use constants_posterior, only: new_posterior
    use constants_prior, only: new_prior, prior_type
    use crystal_class, only: crystal_class_names, crystal_class_type, new_crystal_class
-   use kinds, only: wp
    use quantities, only: check_quantity
    use rival_cases, only: case_type, rival_type
    use settings_schema, only: prior_settings_type

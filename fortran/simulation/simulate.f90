@@ -12,6 +12,7 @@ module simulate
    use indenters, only: indenter_type
    use basic_specimen, only: specimen_type
    use crystal_elasticity, only: logarithmic_mean
+   use diagnostics, only: diagnostic, diagnostic_type
    use errors, only: error_type, exit_failure, refuse
    use fe_indentation, only: indentation_model_type, indentation_result_type, &
       & new_indentation_model, numerics_revision, simulate_indentation
@@ -198,29 +199,26 @@ contains
       deallocate (error)
    end subroutine run
 
-   !> Approximate largest error of the simulation for each crystal, and a warning if it is large,
-   !> else ''.
-   subroutine simulation_error(settings, stiffness, largest, warning)
+   !> Approximate largest error of the simulation for each crystal, and a diagnostic if it is large.
+   subroutine simulation_error(settings, stiffness, largest, warnings)
       type(settings_type), intent(in) :: settings
       !> GPa (6, 6, crystals).
       real(wp), intent(in) :: stiffness(:, :, :)
       !> Relative error (crystals), without that of a block's layers, which all crystals share.
       real(wp), intent(out) :: largest(:)
-      !> One line.
-      character(len=:), allocatable, intent(out) :: warning
+      !> One, or none.
+      type(diagnostic_type), allocatable, intent(out) :: warnings(:)
       !> Relative error from which on there is a warning. Error of infinite elements about the
       !> half-space nearer than by default: it grows with the cube (`bench simulate convergence`).
       real(wp), parameter :: limit = 0.01_wp, usual_outer = 5.0_wp, outer_error = 0.0025_wp
       class(specimen_type), allocatable :: specimen
+      character(len=:), allocatable :: cause
       logical :: two_meshes
-      integer, parameter :: most_listed = 10
-      integer, allocatable :: large(:)
-      character(len=:), allocatable :: list, cause
-      integer :: i, percent(2)
-      real(wp) :: layers
+      integer :: i
+      real(wp) :: layers, greatest
 
       largest = 0.0_wp
-      warning = ''
+      allocate (warnings(0))
       if (settings%simulation%simulator /= 'fe') return
       call find_specimen(settings, specimen)
       if (.not. allocated(specimen)) return
@@ -235,34 +233,16 @@ contains
             cause = 'the infinite elements (outer)'
             largest = largest + outer_error*((usual_outer/simulation%outer)**3 - 1.0_wp)
          end if
+         layers = specimen%layers_error/simulation%refine**2
       end associate
-      if (specimen%layers_error > 0.0_wp) then
-         layers = specimen%layers_error/settings%simulation%refine**2
-         if (layers + maxval(largest) <= limit) return
-         warning = 'the C3D8 of a block are about '//to_text(100.0_wp*layers, 2) &
-            & //' % too stiff in its layers; with instability the error of the mesh may reach ' &
-            & //to_text(nint(100.0_wp*(layers + maxval(largest))))//' %. element = ''c3d8i'' is ' &
-            & //'better'
-         return
+      greatest = layers + maxval(largest)
+      if (greatest <= limit) return
+      if (layers > 0.0_wp) then
+         warnings = diagnostic('layers_error', numbers=100.0_wp*[layers, greatest])
+      else
+         warnings = diagnostic('mesh_error', cause, [real(wp) :: count(largest > limit), &
+            & size(largest), 100.0_wp*greatest, maxloc(largest)])
       end if
-      large = pack([(i, i=1, size(largest))], largest > limit)
-      if (size(large) == 0) return
-      percent = nint(100.0_wp*[minval(largest(large)), maxval(largest(large))])
-      warning = 'the crystal is'
-      if (size(largest) > 1) then
-         warning = to_text(size(large))//' of '//to_text(size(largest))//' crystals are'
-      end if
-      warning = warning//' so near '//cause//' that the error of the mesh may reach about ' &
-         & //to_text(percent(1))
-      if (percent(2) > percent(1)) warning = warning//' to '//to_text(percent(2))
-      warning = warning//' %'
-      if (size(largest) == 1) return
-      list = ''
-      do i = 1, min(size(large), most_listed)
-         list = list//', '//to_text(large(i))
-      end do
-      if (size(large) > most_listed) list = list//', ..'
-      warning = warning//' (rows '//list(3:)//')'
    end subroutine simulation_error
 
    !> The identity of the physics of a problem.

@@ -4,6 +4,7 @@ module build_stage
    use bases, only: new_basis
    use abstract_basis, only: basis_type
    use build_loop, only: build_type
+   use diagnostics, only: diagnostic_type
    use errors, only: error_type
    use halfspace_theory, only: halfspace_moduli
    use json, only: json_type
@@ -34,7 +35,8 @@ contains
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
       type(surrogate_type) :: surrogate
-      character(len=:), allocatable :: file, warning
+      character(len=:), allocatable :: file
+      type(diagnostic_type), allocatable :: warnings(:)
       real(wp), allocatable :: stiffness(:, :, :), largest(:), theory(:), circular(:)
       integer :: i, n_simulations
 
@@ -48,10 +50,8 @@ contains
          if (allocated(error)) return
          stiffness = surrogate%basis%domain%class%stiffnesses(known%constants)
          allocate (largest(learning%n()))
-         call simulation_error(settings, stiffness, largest, warning)
-         if (len(warning) > 0) then
-            call self%warn('mesh_error', self%problem%run%path//': &simulation: '//warning)
-         end if
+         call simulation_error(settings, stiffness, largest, warnings)
+         self%warnings = [self%warnings, warnings]
          n_simulations = learning%n() + self%n_failed
          if (allocated(self%unseen_modulus)) then
             n_simulations = n_simulations + size(self%unseen_modulus)

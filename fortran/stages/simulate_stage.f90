@@ -4,6 +4,7 @@ module simulate_stage
    use abstract_stage, only: job_type, stage_type
    use campaign, only: campaign_name, row_type
    use stage_documents, only: begin_crystal, cells_of_numbers, write_moduli
+   use diagnostics, only: diagnostic_type
    use errors, only: error_type, raise
    use files, only: new_file_type
    use indenters, only: indenter_type, new_indenter
@@ -67,7 +68,7 @@ contains
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
       class(indenter_type), allocatable :: indenter
-      character(len=:), allocatable :: warning
+      type(diagnostic_type), allocatable :: warnings(:)
       real(wp), dimension(size(self%place)) :: largest, modulus
       type(row_type) :: rows(size(self%place))
       !> Relative error above which a modulus counts as a failure. The campaign stores it.
@@ -76,7 +77,7 @@ contains
 
       rows = self%rows(self%place)
       call simulation_error(self%problem%settings, self%problem%data%crystals%stiffness, &
-         & largest, warning)
+         & largest, warnings)
       do i = 1, size(rows)
          if (largest(i) <= most_error .or. rows(i)%outcome%status == outcome_failed) cycle
          rows(i)%outcome%status = outcome_failed
@@ -117,7 +118,7 @@ contains
       call page%end_array()
       call page%put('new_simulations', self%n_new)
       call page%put('failed', failed)
-      if (len(warning) > 0) call self%warn('mesh_error', warning)
+      self%warnings = [self%warnings, warnings]
       self%done = to_text(size(rows))//' crystals, '//to_text(self%n_new)//' new, ' &
          & //to_text(failed)//' failed: '//self%output//'/moduli.csv'
 

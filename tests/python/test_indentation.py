@@ -293,10 +293,7 @@ def test_crystals_near_instability_are_warned_of(halfspace, stiffness, angles):
     # One mesh is more than one per cent wrong; two are better, and better than is said.
     assert one_mesh > 0.01
     assert error < min(one_mesh, halfspace.largest_error(stiffness[None])[0])
-    assert (
-        "the crystal is so near instability that the error of the mesh may reach about"
-        in result.warning
-    )
+    assert "so near instability that the error of the mesh may reach" in result.warning
 
 
 @pytest.mark.long
