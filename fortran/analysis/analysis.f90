@@ -174,7 +174,7 @@ contains
    subroutine sample_with_theory(self, error)
       class(analysis_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: checked_draws = 1000, most_attempts = 6
+      integer, parameter :: checked_draws = 500, most_attempts = 6
       real(wp), allocatable :: test_draws(:, :), new_draws(:, :)
       integer :: attempt, threads
       logical :: is_hopeless
@@ -267,7 +267,7 @@ contains
       !> combinations and quantities from fewer.
       subroutine find_all_shares()
          !> Limit of draws times grains for the parameters: each costs a prediction of a modulus.
-         integer, parameter :: most_predictions = 300000
+         integer, parameter :: most_predictions = 150000
          real(wp), allocatable :: parameter_draws(:, :), parameter_values(:, :), other_values(:, :)
          type(shares_type), allocatable :: shares(:)
          real(wp) :: effective

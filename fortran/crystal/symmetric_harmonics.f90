@@ -2,10 +2,6 @@
 !> the common kernel of Y(g x) - Y(x) for the generators g. (The inversion leaves all even harmonics
 !> unchanged.)
 !>
-!> They are orthonormal for the mean over the sphere, and the first is 1. Within a degree they are
-!> Gram-Schmidt vectors of the projector's columns in the order m = 0, cos 1, sin 1, cos 2, ..; the
-!> component of that column is positive.
-!>
 !> They are orthonormal for the mean over the sphere, the first is 1. Within a degree they are
 !> Gram-Schmidt vectors of the projector's columns in the order m = 0, cos 1, sin 1, cos 2, ..; the
 !> component of that column is positive.
@@ -15,7 +11,8 @@ module symmetric_harmonics
    use linear_algebra, only: symmetric_eigen
    implicit none
    private
-   public :: harmonics_type, new_harmonics, evaluate_harmonics, largest_degree
+   public :: harmonics_type, new_harmonics, evaluate_harmonics, evaluate_real, n_real_harmonics, &
+      & largest_degree
 
    integer, parameter :: largest_degree = 32
 
@@ -103,6 +100,13 @@ contains
          end do
       end subroutine append_degree
    end subroutine new_harmonics
+
+   !> Number of all real harmonics of even degree.
+   pure integer function n_real_harmonics(bandlimit)
+      integer, intent(in) :: bandlimit
+
+      n_real_harmonics = (bandlimit + 1)*(bandlimit + 2)/2
+   end function n_real_harmonics
 
    !> All real harmonics of even degree, degree by degree, m = 0, cos 1, sin 1, .., by the
    !> recurrence in the degree of the normalised Legendre functions over sin^m.

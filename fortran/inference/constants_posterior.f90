@@ -101,8 +101,9 @@ contains
       type(measured_type), intent(in) :: measured
       type(posterior_type), intent(out) :: posterior
       type(error_type), allocatable, intent(out) :: error
-      !> A posterior of this surrogate and class, with or without covariance as here, whose model of
-      !> grains is used again.
+      !> A posterior of this surrogate, with or without covariance as here: the theory is read from
+      !> harmonics of the same degree, and the model of the grains is used again if the class is the
+      !> same.
       type(posterior_type), intent(in), optional :: known
       !> A variance of y that is this small counts as zero.
       real(wp), parameter :: negligible = 1.0e-20_wp
@@ -181,22 +182,34 @@ contains
 
       !> Set the model of the grains.
       subroutine set_model()
-         if (.not. present(known)) then
-            call new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, &
-               & posterior%grains, error)
-            if (.not. allocated(error) .and. posterior%n_moduli < posterior%n_grains) then
-               call add_waves(paths, measured%density, posterior%euler, posterior%grains, error)
+         integer, allocatable :: degree
+
+         if (present(known)) then
+            degree = known%grains%field_degree
+            if (known%prior%class%name == prior%class%name) then
+               call use_grains_of(known)
+               return
             end if
-            return
          end if
-         if (known%n_grains == posterior%n_grains &
-            & .and. size(known%euler) == size(posterior%euler)) then
-            if (all(abs(known%euler - posterior%euler) <= 0.0_wp)) posterior%grains = known%grains
-         end if
-         if (.not. allocated(posterior%grains)) then
-            call known%new_grains(posterior%euler, paths, posterior%grains, error)
+         call new_grain_model(surrogate, prior%class, posterior%euler, with_covariance, &
+            & posterior%grains, error, degree)
+         if (.not. allocated(error) .and. posterior%n_moduli < posterior%n_grains) then
+            call add_waves(paths, measured%density, posterior%euler, posterior%grains, error)
          end if
       end subroutine set_model
+
+      !> Use the model of another posterior, if need be for other grains.
+      subroutine use_grains_of(other)
+         type(posterior_type), intent(in) :: other
+
+         if (other%n_grains == posterior%n_grains &
+            & .and. size(other%euler) == size(posterior%euler)) then
+            if (all(abs(other%euler - posterior%euler) <= 0.0_wp)) posterior%grains = other%grains
+         end if
+         if (.not. allocated(posterior%grains)) then
+            call other%new_grains(posterior%euler, paths, posterior%grains, error)
+         end if
+      end subroutine use_grains_of
    end subroutine new_posterior
 
    !> Change the degree of the surface harmonics from which the theory is read.

@@ -73,7 +73,7 @@ contains
       ! More walkers while cooling.
       population%walkers = 40*target%dimension
       cooling_walkers = population%walkers
-      if (target%dimension < many_dimensions) cooling_walkers = 4*cooling_walkers
+      if (target%dimension < many_dimensions) cooling_walkers = 2*cooling_walkers
       call population%start(target, stream, 4*cooling_walkers)
       if (size(population%log_density) == 0) return
       generations = evaluations/(population%walkers*rounds)

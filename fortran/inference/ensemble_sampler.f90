@@ -62,20 +62,22 @@ contains
       !> weights.
       integer, parameter :: short_divisor = 3, least_proposals = 5000
       integer :: sweeps
-      logical :: is_made
+      logical :: is_made, is_new
 
+      is_new = .false.
       if (effort == whole_effort .or. .not. allocated(self%population%log_density)) then
          sweeps = self%burn_in
          if (effort < whole_effort .and. target%dimension < many_dimensions) then
             sweeps = sweeps/short_divisor
          end if
          call evolve_population(target, int(sweeps, i8)*target%dimension, stream, self%population)
+         is_new = .true.
       end if
       chain%started = size(self%population%log_density) > 0
       if (.not. chain%started .or. stop_requested()) return
       is_made = .false.
       if (effort < most_efforts) then
-         call self%mixture%setup(self%population, self%population%whitening)
+         if (is_new) call self%mixture%setup(self%population, self%population%whitening)
          ! A sampler of one effort looks for any draws near the posterior.
          call draw_independently(self%mixture, target, stream, merge(1, least_proposals, &
             & self%efforts == 1), chain, is_made)

@@ -36,7 +36,7 @@ contains
          & least_in_round = 600, most_in_round = 3000
       !> Effective share of the draws from which on they are proposals, and below which a Markov
       !> chain is the better way.
-      real(wp), parameter :: good_quality = 0.4_wp, least_quality = 0.1_wp
+      real(wp), parameter :: good_quality = 0.57_wp, least_quality = 0.1_wp
       type(estimate_type) :: estimate
       integer :: round, n_steps, finals
 
@@ -44,11 +44,11 @@ contains
       if (allocated(chain%estimate)) deallocate (chain%estimate)
       do round = 1, most_rounds
          call mixture%draw_inside(target, stream, min(most_in_round, &
-            & max(least_in_round, size(chain%log_density)/6)))
+            & max(least_in_round, size(chain%log_density)/2)))
          if (stop_requested() .or. size(mixture%log_weights) == 0) return
          call mixture%learn()
          ! The mixture must have shown that it is good: its draws may have found a tail.
-         if (round >= least_rounds .and. mixture%quality > good_quality) exit
+         if (mixture%rounds >= least_rounds .and. mixture%quality > good_quality) exit
       end do
       do finals = 1, most_finals
          if (mixture%quality < least_quality) return
@@ -69,13 +69,13 @@ contains
       chain%estimate = estimate
    end subroutine draw_independently
 
-   !> Number of proposals for a sample of the chain, with which about half of the samples are
+   !> Number of proposals for a sample of the chain, with which about 40 % of the samples are
    !> effective ones.
    pure integer function steps_of(quality)
       !> Effective share of the draws.
       real(wp), intent(in) :: quality
 
-      steps_of = ceiling(0.45_wp*(2.0_wp - quality)/quality)
+      steps_of = ceiling(0.4_wp*(2.0_wp - quality)/quality)
    end function steps_of
 
    !> The chain of Metropolis and Hastings with some proposals. It starts at one that is drawn by

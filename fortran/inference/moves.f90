@@ -51,6 +51,8 @@ module moves
       !> point), and the weights of the draws.
       type(mixture_type), private :: fitted
       real(wp), allocatable, private :: points(:, :), weights(:)
+      !> Number of rounds of draws from which it has learned.
+      integer :: rounds = 0
    contains
       procedure :: setup => fit_to_archive, draw_inside, learn, propose => propose_draw
       procedure, private :: draw
@@ -194,6 +196,7 @@ contains
       self%whitening = whitening
       self%points = archive%u
       self%weights = [real(wp) ::]
+      self%rounds = 0
       call new_mixture(archive%u, components, self%fitted)
       call fit_mixture(archive%u, spread(1.0_wp, 1, size(archive%u, 2)), steps, self%fitted)
       call widen_mixture(self%fitted, self%mixture)
@@ -256,6 +259,7 @@ contains
       real(wp), allocatable :: points(:, :), weights(:)
       integer :: n_archived, n_before, n
 
+      self%rounds = self%rounds + 1
       n_before = size(self%points, 2)
       n_archived = n_before - size(self%weights)
       n = n_before + size(self%log_weights)

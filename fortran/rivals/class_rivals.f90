@@ -56,10 +56,7 @@ contains
          allocate (rival%posterior)
          call new_posterior(case%surrogate, prior, stated%settings, &
             & case%problem%settings%sampler%surrogate_variance == 'full', stated%data, &
-            & rival%posterior, rival%error)
-         if (stated%grains%has_theory .and. .not. allocated(rival%error)) then
-            call rival%posterior%set_field_degree(stated%grains%field_degree, rival%error)
-         end if
+            & rival%posterior, rival%error, stated)
       end associate
    end subroutine change_class
 end module class_rivals

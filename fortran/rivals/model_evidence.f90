@@ -43,7 +43,7 @@ module model_evidence
 contains
 
    !> Find the evidence of a model.
-   subroutine fit_model(posterior, crystal, is_precise, is_rough, fit)
+   subroutine fit_model(posterior, crystal, is_precise, is_rough, fit, near)
       type(posterior_type), intent(in) :: posterior
       !> Where the search starts, GPa.
       real(wp), intent(in) :: crystal(6, 6)
@@ -53,6 +53,9 @@ contains
       !> Whether the density may have several maxima. The search then begins with larger sds.
       logical, intent(in) :: is_rough
       type(fit_type), intent(out) :: fit
+      !> Fit of a model of the same class. If it has as many parameters, the search begins with its
+      !> axes.
+      type(fit_type), intent(in), optional :: near
       real(wp), parameter :: first_axis = 0.05_wp, widenings(2) = [8.0_wp, 2.5_wp]
       type(posterior_type) :: limited, smooth
       real(wp) :: rough_integral, start(posterior%dimension)
@@ -72,6 +75,9 @@ contains
       do i = 1, n
          fit%axes(i, i) = first_axis
       end do
+      if (present(near)) then
+         if (near%found .and. size(near%maximum) == n) fit%axes = near%axes
+      end if
       smooth = posterior
       ! The exact theory of extremely anisotropic crystals would take most of the time.
       call smooth%grains%use_field_up_to(huge(1.0_wp))

@@ -75,6 +75,8 @@ contains
          case%points = [case%points, others(i)]
       end do
       case%stated = posterior
+      ! All models are compared with the same, cheaper theory.
+      call case%stated%coarsen()
       if (size(case%points) == posterior%n_grains) return
       measured = posterior%data
       associate (points => case%points, all => posterior%data)

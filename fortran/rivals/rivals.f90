@@ -250,7 +250,7 @@ contains
             rough = found%fit%rough_log_z
             associate (prior => rival%posterior%prior)
                call fit_model(rival%posterior, prior%logarithms%from_logarithms( &
-                  & found%fit%maximum(:prior%n_constants)), .true., row%is_rough, fit)
+                  & found%fit%maximum(:prior%n_constants)), .true., row%is_rough, fit, found%fit)
             end associate
             if (.not. fit%found) cycle
             fit%log_z = found%fit%log_z + fit%log_z - rough
@@ -285,9 +285,11 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(rival_type) :: rival
       type(explanation_type) :: new, best
+      type(fit_type), allocatable :: near
       real(wp) :: total
       integer :: k, members
 
+      if (row%group /= 'symmetry') near = diagnosis%stated%fit
       members = 0
       total = 0.0_wp
       do k = 1, huge(k) - 1
@@ -300,7 +302,7 @@ contains
          new%number = k
          new%group = trim(row%group)
          new%remedy = rival%remedy
-         call fit_model(rival%posterior, case%crystal, .false., row%is_rough, new%fit)
+         call fit_model(rival%posterior, case%crystal, .false., row%is_rough, new%fit, near)
          if (.not. new%fit%found) cycle
          if (allocated(rival%posterior%unknown)) then
             diagnosis%order_odds = new%fit%log_z - diagnosis%stated%fit%log_z

@@ -258,7 +258,7 @@ contains
 
       ! Other grains, if many, need the moduli in the same directions.
       if (self%expansion%is_used .and. self%expansion%degree == self%field_degree &
-         & .and. size(euler, 2) > 2*self%n_independent .and. self%full_above >= 0.0_wp) then
+         & .and. size(euler, 2) > self%n_independent .and. self%full_above >= 0.0_wp) then
          call self%expansion%set_grains(euler)
          return
       end if
@@ -271,15 +271,17 @@ contains
       if (self%expansion%is_used) self%euler = self%expansion%euler
       self%field_cost = self%expansion%cost
       self%n_independent = size(self%euler, 2)
-      if (self%field%degree == self%field_degree) then
-         call self%field%set_grains(self%euler)
-      else
-         call new_field(self%class, self%field_degree, self%euler, self%field, error)
+      if (self%full_above >= 0.0_wp) then
+         if (self%field%degree == self%field_degree) then
+            call self%field%set_grains(self%euler)
+         else
+            call new_field(self%class, self%field_degree, self%euler, self%field, error)
+         end if
+         if (allocated(error)) return
+         self%field_cost = self%field_cost + ellipse_time*self%n_independent &
+            & + size(self%field%nodes, 2)*(node_time + mode_time*self%n_independent)
       end if
-      if (allocated(error)) return
-      self%full_cost = self%field_cost + theory_time*self%n_independent
-      self%field_cost = self%field_cost + ellipse_time*self%n_independent &
-         & + size(self%field%nodes, 2)*(node_time + mode_time*self%n_independent)
+      self%full_cost = self%expansion%cost + theory_time*self%n_independent
       self%maps = reshape([real(wp) ::], &
          & [self%n_independent, self%polynomials%n_coordinates, self%logarithms%n], [0.0_wp])
       do i = 1, self%n_independent

@@ -195,7 +195,7 @@ contains
    end subroutine predict_crystals
 
    !> Moduli of certain grains as a function of the crystal, and their covariance on request.
-   subroutine new_grain_model(surrogate, class, euler, with_covariance, model, error)
+   subroutine new_grain_model(surrogate, class, euler, with_covariance, model, error, field_degree)
       type(surrogate_type), intent(in) :: surrogate
       !> Class of the crystals that will be evaluated.
       type(crystal_class_type), intent(in) :: class
@@ -205,6 +205,8 @@ contains
       logical, intent(in) :: with_covariance
       class(grain_model_type), allocatable, intent(out) :: model
       type(error_type), allocatable, intent(out) :: error
+      !> Degree of the harmonics from which the theory is read; absent: that of a new model.
+      integer, intent(in), optional :: field_degree
       !> Number of the latest crystals that represent those of the training.
       integer, parameter :: most_trained = 500
       real(wp), allocatable :: covariance(:, :), trained(:, :)
@@ -226,6 +228,7 @@ contains
       call surrogate%basis%new_grain_model(class, surrogate%coefficients, covariance, trained, &
          & model, error)
       if (allocated(error)) return
+      if (present(field_degree)) model%field_degree = field_degree
       call model%set_grains(euler, error)
    end subroutine new_grain_model
 

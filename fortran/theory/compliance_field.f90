@@ -18,7 +18,7 @@
 !> the moduli in directions that are spread over the region of distinct ones. A grain then costs as
 !> many products as there are harmonics. `field_reading` compares the moduli with the exact theory.
 module compliance_field
-   use contact_ellipse, only: highest_mode, minimise_compliance, most_modes
+   use contact_ellipse, only: highest_mode, minimise_compliance
    use halfspace_theory, only: contraction_maps, inverse_barnett, lanes, plane_products
    use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: rotation_matrix
@@ -29,7 +29,8 @@ module compliance_field
    use linear_algebra, only: cholesky_factor, cholesky_solve, gram_of, multiply, &
       & multiply_by_factor, transposed_product
    use small_matrices, only: solve_lower
-   use symmetric_harmonics, only: evaluate_harmonics, harmonics_type, largest_degree, new_harmonics
+   use symmetric_harmonics, only: evaluate_harmonics, evaluate_real, harmonics_type, &
+      & largest_degree, n_real_harmonics, new_harmonics
    implicit none
    private
    public :: field_type, new_field, field_moduli, even_directions, modulus_expansion_type, &
@@ -52,10 +53,9 @@ module compliance_field
       !> Map from F at the nodes (lanes, components 11, 22, 33, 23, 13, 12, blocks) to the modes of
       !> the grains, (6 x nodes, grains x modes).
       real(wp), allocatable, private :: to_modes(:, :)
-      !> Harmonics of the expansion and their greatest degree, rotations of the group, (3, 3, m),
-      !> and the matrix from values at all images of the nodes to coefficients of the harmonics,
+      !> Greatest degree of the harmonics of the expansion, rotations of the group, (3, 3, m), and
+      !> the matrix from values at all images of the nodes to coefficients of the harmonics,
       !> (harmonics, images), the images of a node one after another.
-      type(harmonics_type), private :: harmonics
       integer :: degree = 0
       real(wp), allocatable, private :: rotations(:, :, :), fit(:, :)
    contains
@@ -106,12 +106,10 @@ contains
       call new_region(class, region)
       field%degree = degree
       field%rotations = group_rotations(class, 2*degree + 2)
-      call new_harmonics(field%rotations(:, :, :0), degree, field%harmonics, error)
-      if (allocated(error)) return
-      least_nodes = oversampling*field%harmonics%n/size(field%rotations, 3)
+      least_nodes = oversampling*n_real_harmonics(degree)/size(field%rotations, 3)
       do
          call even_directions(region, degree/2 + 3, least_nodes, field%nodes)
-         call fit_images(field%harmonics, field%rotations, field%fit)
+         call fit_images(field%rotations, field%fit)
          if (allocated(error)) return
          if (is_good) exit
          least_nodes = size(field%nodes, 2) + 0.5_wp
@@ -123,27 +121,26 @@ contains
 
       !> Least squares: the matrix from values at all images of the nodes to coefficients of the
       !> harmonics.
-      subroutine fit_images(harmonics, rotations, fit)
-         type(harmonics_type), intent(in) :: harmonics
+      subroutine fit_images(rotations, fit)
          real(wp), intent(in) :: rotations(:, :, :)
          real(wp), allocatable, intent(out) :: fit(:, :)
          type(error_type), allocatable :: indefinite
          real(wp), allocatable :: gram(:, :), shifted(:, :)
          integer :: g, i, image
 
-         allocate (fit(harmonics%n, size(field%nodes, 2)*size(rotations, 3)))
+         allocate (fit(n_real_harmonics(degree), size(field%nodes, 2)*size(rotations, 3)))
          image = 0
          do i = 1, size(field%nodes, 2)
             do g = 1, size(rotations, 3)
                image = image + 1
-               call evaluate_harmonics(harmonics, matmul(rotations(:, :, g), field%nodes(:, i)), &
+               call evaluate_real(degree, matmul(rotations(:, :, g), field%nodes(:, i)), &
                   & fit(:, image))
             end do
          end do
          gram = gram_of(fit)
          ! The shifted matrix is positive definite if the least eigenvalue is above the limit.
          shifted = gram/image
-         do i = 1, harmonics%n
+         do i = 1, size(gram, 1)
             shifted(i, i) = shifted(i, i) - well_determined
          end do
          call cholesky_factor(shifted, indefinite)
@@ -161,50 +158,65 @@ contains
       class(field_type), intent(inout) :: field
       !> Bunge-Euler angles, radians (3, n).
       real(wp), intent(in) :: euler(:, :)
-      real(wp), allocatable :: circle(:, :), waves(:, :), weight(:, :)
-      real(wp) :: g(3, 3), theta(maxval(field%harmonics%degrees)/2 + 4), turned(3), square(6)
-      integer :: grain, i, k, r, image, n_points, m, row, n_retained, first, last
+      !> Grains whose weights are computed together.
+      integer, parameter :: block = 16
+      !> Values of the harmonics on the circle, (harmonic, point); modes of each point, (point,
+      !> mode); modes of each harmonic, (harmonic, mode, grain of the block), and of each image.
+      real(wp), allocatable :: circle(:, :), waves(:, :), modes(:, :, :), weight(:, :)
+      !> What F at each image contributes, (component, rotation), in each grain of the block.
+      real(wp) :: squares(6, size(field%rotations, 3), block)
+      real(wp) :: g(3, 3), theta(field%degree/2 + 4), turned(3)
+      integer :: first, last, grain, i, k, m, n, row, n_points, n_retained, n_rotations, place
 
       if (allocated(field%to_modes)) deallocate (field%to_modes)
       field%n_grains = size(euler, 2)
-      associate (harmonics => field%harmonics, rotations => field%rotations, fit => field%fit)
-         n_retained = 1 + 2*max(2, min(highest_mode, maxval(harmonics%degrees)/8))
-         ! On a circle a polynomial of degree L has L/2 harmonics of 2 theta. This number of points
-         ! integrates the modes exactly.
-         n_points = size(theta)
-         theta = [(pi*(k - 1)/n_points, k=1, n_points)]
-         allocate (field%to_modes(size(field%mm), field%n_grains*n_retained), source=0.0_wp)
-         allocate (circle(harmonics%n, n_points), waves(n_points, most_modes))
-         do k = 1, n_points
-            waves(k, :) = [0.5_wp, (cos(2.0_wp*m*theta(k)), sin(2.0_wp*m*theta(k)), &
-               & m=1, highest_mode)]*2.0_wp/n_points
-         end do
-         do grain = 1, field%n_grains
+      n_retained = 1 + 2*max(2, min(highest_mode, field%degree/8))
+      n_rotations = size(field%rotations, 3)
+      ! On a circle a polynomial of degree L has L/2 harmonics of 2 theta. This number of points
+      ! integrates the modes exactly.
+      n_points = size(theta)
+      theta = [(pi*(k - 1)/n_points, k=1, n_points)]
+      allocate (field%to_modes(size(field%mm), field%n_grains*n_retained), source=0.0_wp)
+      allocate (circle(size(field%fit, 1), n_points), waves(n_points, n_retained))
+      do k = 1, n_points
+         waves(k, :) = [0.5_wp, (cos(2.0_wp*m*theta(k)), sin(2.0_wp*m*theta(k)), &
+            & m=1, n_retained/2)]*2.0_wp/n_points
+      end do
+      allocate (modes(size(field%fit, 1), n_retained, block))
+      allocate (weight(size(field%fit, 2), n_retained*block))
+      do first = 1, field%n_grains, block
+         last = min(field%n_grains, first + block - 1)
+         n = last - first + 1
+         do grain = first, last
             g = rotation_matrix(euler(:, grain))
             do k = 1, n_points
-               call evaluate_harmonics(harmonics, g(:, 1)*cos(theta(k)) + g(:, 2)*sin(theta(k)), &
+               call evaluate_real(field%degree, g(:, 1)*cos(theta(k)) + g(:, 2)*sin(theta(k)), &
                   & circle(:, k))
             end do
-            weight = matmul(transpose(matmul(circle, waves)), fit)
-            image = 0
-            do i = 1, size(field%nodes, 2)
-               first = 1 + mod(i - 1, lanes) + 6*lanes*((i - 1)/lanes)
-               last = first + 5*lanes
-               do r = 1, size(rotations, 3)
-                  image = image + 1
-                  ! F at an image is R F R^T, so n.(R F R^T).n = (R^T n).F.(R^T n).
-                  turned = matmul(g(:, 3), rotations(:, :, r))
-                  square = [turned**2, 2.0_wp*turned(2)*turned(3), 2.0_wp*turned(1)*turned(3), &
-                     & 2.0_wp*turned(1)*turned(2)]
-                  do m = 1, n_retained
-                     row = grain + field%n_grains*(m - 1)
-                     field%to_modes(first:last:lanes, row) = field%to_modes(first:last:lanes, &
-                        & row) + weight(m, image)*square
-                  end do
-               end do
+            call multiply(circle, waves, modes(:, :, grain - first + 1))
+            do k = 1, n_rotations
+               ! F at an image is R F R^T, so n.(R F R^T).n = (R^T n).F.(R^T n).
+               turned = matmul(g(:, 3), field%rotations(:, :, k))
+               squares(:, k, grain - first + 1) = [turned**2, 2.0_wp*turned(2)*turned(3), &
+                  & 2.0_wp*turned(1)*turned(3), 2.0_wp*turned(1)*turned(2)]
             end do
          end do
-      end associate
+         call multiply(field%fit, reshape(modes(:, :, :n), [size(modes, 1), n_retained*n]), &
+            & weight(:, :n_retained*n), transposed=.true.)
+         do grain = first, last
+            do m = 1, n_retained
+               row = grain + field%n_grains*(m - 1)
+               associate (of_images => weight(:, m + n_retained*(grain - first)))
+                  do i = 1, size(field%nodes, 2)
+                     place = 1 + mod(i - 1, lanes) + 6*lanes*((i - 1)/lanes)
+                     field%to_modes(place:place + 5*lanes:lanes, row) = matmul( &
+                        & squares(:, :, grain - first + 1), &
+                        & of_images((i - 1)*n_rotations + 1:i*n_rotations))
+                  end do
+               end associate
+            end do
+         end do
+      end do
    end subroutine set_mode_map
 
    !> Choose two directions perpendicular to each node and compute their products. The last block
@@ -361,7 +373,7 @@ contains
          & expansion%harmonics, error)
       if (allocated(error)) return
       n_directions = ceiling(directions_per_harmonic*expansion%harmonics%n) + 8
-      expansion%is_used = n > 2*n_directions
+      expansion%is_used = n > n_directions
       if (.not. expansion%is_used) return
       call new_region(class, region)
       call spread_of_directions(region, n_directions, directions)

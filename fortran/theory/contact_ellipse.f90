@@ -7,7 +7,7 @@ module contact_ellipse
    use kinds, only: pi, wp
    implicit none
    private
-   public :: minimise_compliance, highest_mode, most_modes
+   public :: minimise_compliance, highest_mode
 
    !> Greatest m of the harmonics 2 m of theta, and number of coefficients of h(theta) = m1 + m2 cos
    !> 2 theta + m3 sin 2 theta + .. + m9 sin 8 theta.
