@@ -41,10 +41,11 @@ std::atomic<integer> in_use{0};
 // Returns the 1-based column whose pivot failed, or 0.
 integer factor_columns(real *block, integer height, integer tall, integer own) {
   const real one = 1.0, minus = -1.0, zero = 0.0;
+  const std::ptrdiff_t step = height;
   if (own > panel_width) {
     const integer left = (own / panel_width + 1) / 2 * panel_width, right = own - left,
                   below = tall - own;
-    real *const diagonal = block + static_cast<std::size_t>(left) * height + left;
+    real *const diagonal = block + left * step + left;
     integer failed = factor_columns(block, height, tall, left);
     if (failed != 0)
       return failed;
@@ -61,20 +62,20 @@ integer factor_columns(real *block, integer height, integer tall, integer own) {
   int info = 0;
   spotrf_("L", &own, block, &height, &info);
   for (integer i = 0; info == 0 && i < own; ++i) {
-    if (!std::isfinite(block[static_cast<std::size_t>(i) * height + i]))
+    if (!std::isfinite(block[i * step + i]))
       info = i + 1;
   }
   if (info != 0)
     return std::abs(info);
   for (integer c = 0; c < own; ++c) {
     std::fill(inverse + c * own, inverse + c * own + c, 0.0);
-    std::copy_n(block + static_cast<std::size_t>(c) * height + c, own - c, inverse + c * own + c);
+    std::copy_n(block + c * step + c, own - c, inverse + c * own + c);
   }
   strtri_("L", "N", &own, inverse, &own, &info);
   for (integer done = own; done < tall; done += piece_rows) {
     const integer rows = std::min(piece_rows, tall - done);
     for (integer c = 0; c < own; ++c)
-      std::copy_n(block + static_cast<std::size_t>(c) * height + done, rows, piece + c * rows);
+      std::copy_n(block + c * step + done, rows, piece + c * rows);
     sgemm_("N", "T", &rows, &own, &own, &one, piece, &rows, inverse, &own, &zero, block + done,
            &height);
   }
@@ -84,16 +85,16 @@ integer factor_columns(real *block, integer height, integer tall, integer own) {
 // Adds the columns `from` to `to` of a child's update matrix, numbered as in the parent. `into` is
 // the first of them, with `stride` between the columns.
 void add_child(const analysis &self, const real *update, integer d, integer from, integer to,
-               real *into, integer stride) {
-  const integer m = self.rows_of(d) - self.columns_of(d);
+               real *into, std::ptrdiff_t stride) {
+  const std::ptrdiff_t m = self.rows_of(d) - self.columns_of(d);
   const std::size_t start = self.row_start[d] + self.columns_of(d);
   const integer *const place = self.relative.data() + start, *const run_end =
                                                                  self.run_end.data() + start;
   const integer *const last = std::lower_bound(place, place + m, to);
   for (const integer *at = std::lower_bound(place, last, from); at < last; ++at) {
-    integer i = static_cast<integer>(at - place);
-    const real *const source = update + static_cast<std::size_t>(i) * m;
-    real *const column = into + static_cast<std::size_t>(*at - from) * stride - from;
+    std::ptrdiff_t i = at - place;
+    const real *const source = update + i * m;
+    real *const column = into + (*at - from) * stride - from;
     while (i < m) {
       // Adjacent rows are added in runs.
       const integer end = run_end[i];
@@ -192,12 +193,12 @@ integer bayesindent_cholesky_factor(const analysis *handle, workspace *work, con
     for (const integer d : self.children[k])
       base -= self.update_size(d);
     // The sum of the children's update matrices below the diagonal, some columns at a time.
-    const auto add_children = [&](integer from, integer to, real *into, integer stride) {
+    const auto add_children = [&](integer from, integer to, real *into, std::ptrdiff_t stride) {
       constexpr integer some = 16;
-      for (; from < to; from += some, into += static_cast<std::size_t>(some) * stride + some) {
+      for (; from < to; from += some, into += some * stride + some) {
         const integer end = std::min(to, from + some);
         for (integer j = 0; j < end - from; ++j)
-          std::fill_n(into + static_cast<std::size_t>(j) * stride + j, height - from - j, 0.0);
+          std::fill_n(into + j * stride + j, height - from - j, 0.0);
         std::size_t at = base;
         for (const integer d : self.children[k]) {
           add_child(self, update_matrix(self, *work, d, at), d, from, end, into, stride);
@@ -229,16 +230,15 @@ integer bayesindent_cholesky_factor(const analysis *handle, workspace *work, con
 void bayesindent_cholesky_retained_factor(const analysis *handle, const workspace *work,
                                           double *factor) {
   const analysis &self = *handle;
+  const std::ptrdiff_t retained = self.retained;
   const integer offset = self.n - self.retained;
-  std::fill(factor, factor + static_cast<std::size_t>(self.retained) * self.retained, 0.0);
+  std::fill(factor, factor + retained * retained, 0.0);
   for (integer k = self.supernodes - 1; k >= 0 && self.first[k + 1] > offset; --k) {
-    const integer height = self.rows_of(k);
+    const std::ptrdiff_t height = self.rows_of(k);
     for (integer j = std::max(self.first[k], offset); j < self.first[k + 1]; ++j) {
-      const real *column = work->arena.get() + self.block_start[k] +
-                           static_cast<std::size_t>(j - self.first[k]) * height;
+      const real *column = work->arena.get() + self.block_start[k] + (j - self.first[k]) * height;
       for (integer i = j - self.first[k]; i < height; ++i)
-        factor[static_cast<std::size_t>(j - offset) * self.retained +
-               self.rows[self.row_start[k] + i] - offset] = column[i];
+        factor[(j - offset) * retained + self.rows[self.row_start[k] + i] - offset] = column[i];
     }
   }
 }
@@ -248,16 +248,16 @@ void bayesindent_cholesky_solve(const analysis *handle, workspace *work, integer
   const analysis &self = *handle;
   const real one = 1.0, minus = -1.0, zero = 0.0;
   const integer n = self.n;
-  for (; count > 0; count -= solved_together, x += static_cast<std::size_t>(solved_together) * n) {
+  const std::ptrdiff_t step = n;
+  for (; count > 0; count -= solved_together, x += solved_together * step) {
     const integer some = std::min(count, solved_together);
-    real *const y = work->column.get(), *const part = y + static_cast<std::size_t>(some) * n;
+    real *const y = work->column.get(), *const part = y + some * step;
     // Entries before the first non-zero load stay zero.
     integer loaded = n;
     for (integer k = n; k-- > 0;) {
       for (integer j = 0; j < some; ++j) {
-        const std::size_t column = static_cast<std::size_t>(j) * n;
-        y[column + k] = x[column + self.unknown_at[k]];
-        if (y[column + k] != 0.0)
+        y[j * step + k] = x[j * step + self.unknown_at[k]];
+        if (y[j * step + k] != 0.0)
           loaded = k;
       }
     }
@@ -275,7 +275,7 @@ void bayesindent_cholesky_solve(const analysis *handle, workspace *work, integer
              &rest);
       for (integer j = 0; j < some; ++j) {
         for (integer i = 0; i < rest; ++i)
-          y[static_cast<std::size_t>(j) * n + below[i]] -= part[j * rest + i];
+          y[j * step + below[i]] -= part[j * rest + i];
       }
     }
     for (integer k = self.supernodes - 1; k >= 0; --k) {
@@ -286,7 +286,7 @@ void bayesindent_cholesky_solve(const analysis *handle, workspace *work, integer
       if (rest > 0) {
         for (integer j = 0; j < some; ++j) {
           for (integer i = 0; i < rest; ++i)
-            part[j * rest + i] = y[static_cast<std::size_t>(j) * n + below[i]];
+            part[j * rest + i] = y[j * step + below[i]];
         }
         sgemm_("T", "N", &own, &some, &rest, &minus, block + own, &height, part, &rest, &one, mine,
                &n);
@@ -294,9 +294,8 @@ void bayesindent_cholesky_solve(const analysis *handle, workspace *work, integer
       strsm_("L", "L", "T", "N", &own, &some, &one, block, &height, mine, &n);
     }
     for (integer j = 0; j < some; ++j) {
-      const std::size_t column = static_cast<std::size_t>(j) * n;
       for (integer k = 0; k < n; ++k)
-        x[column + self.unknown_at[k]] = y[column + k];
+        x[j * step + self.unknown_at[k]] = y[j * step + k];
     }
   }
 }

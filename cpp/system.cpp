@@ -15,7 +15,6 @@
 #ifdef __GLIBC__
 #include <malloc.h>
 #endif
-#include <memory>
 #include <mutex>
 #include <sstream>
 #include <string>
@@ -35,17 +34,6 @@ namespace {
 
 // The bytes of the last file that was read, until they are taken.
 thread_local std::string contents;
-
-struct new_file {
-  std::string path, beside;
-  std::FILE *file;
-  int error;
-
-  void check(bool done) {
-    if (!done && error == 0)
-      error = errno;
-  }
-};
 
 // The first number after a key at the beginning of a line; infinite if there is none.
 double entry(const char *path, const std::string &key) {
@@ -129,35 +117,25 @@ void bayesindent_take_bytes(char *bytes) {
   contents = {};
 }
 
-// Begins a file beside the one that it will replace.
-void *bayesindent_begin_file(const char *path, const char *beside) {
+// Writes `n` bytes to the disk as the file `beside`, and gives it the name `path`. After a failure
+// there is no new file, and a reason, which is '' otherwise.
+void bayesindent_write_file(const char *path, const char *beside, const char *bytes, std::int64_t n,
+                            char *reason, std::int32_t size) {
   // A link with this name must not be followed.
   unlink(beside);
   const int opened = open(beside, O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666);
-  return new new_file{path, beside, opened < 0 ? nullptr : fdopen(opened, "wb"),
-                      opened < 0 ? errno : 0};
-}
-
-void bayesindent_add_to_file(void *handle, const char *bytes, std::int32_t n) {
-  auto &self = *static_cast<new_file *>(handle);
-  if (self.error == 0)
-    self.check(std::fwrite(bytes, 1, n, self.file) == static_cast<std::size_t>(n));
-}
-
-// Writes the file to the disk and gives it its name. After a failure there is no new file, and a
-// reason, which is '' otherwise.
-void bayesindent_finish_file(void *handle, char *reason, std::int32_t size) {
-  const std::unique_ptr<new_file> self(static_cast<new_file *>(handle));
-  if (self->file != nullptr) {
-    self->check(std::fflush(self->file) == 0);
-    self->check(fsync(fileno(self->file)) == 0);
-    self->check(std::fclose(self->file) == 0);
-  }
-  if (self->error == 0)
-    self->check(std::rename(self->beside.c_str(), self->path.c_str()) == 0);
-  if (self->error != 0)
-    unlink(self->beside.c_str());
-  std::snprintf(reason, size, "%s", self->error == 0 ? "" : reason_of(self->error));
+  std::FILE *const file = opened < 0 ? nullptr : fdopen(opened, "wb");
+  const bool whole = file != nullptr &&
+                     std::fwrite(bytes, 1, n, file) == static_cast<std::size_t>(n) &&
+                     std::fflush(file) == 0 && fsync(fileno(file)) == 0;
+  int error = whole ? 0 : errno;
+  if (file != nullptr && std::fclose(file) != 0 && error == 0)
+    error = errno;
+  if (error == 0 && std::rename(beside, path) != 0)
+    error = errno;
+  if (error != 0)
+    unlink(beside);
+  std::snprintf(reason, size, "%s", error == 0 ? "" : reason_of(error));
 }
 
 // Renames the file `beside` to `path` if it is complete and `path` does not exist; removes it

@@ -96,11 +96,9 @@ contains
       self%path = path
       self%identity = identity
       call open_campaign_file(path, self%file, error)
-      if (.not. allocated(error)) then
-         call self%file%value('INSERT OR IGNORE INTO physics (identity) VALUES (' &
-            & //quoted(identity, '''')//'); SELECT id FROM physics WHERE identity = ' &
-            & //quoted(identity, ''''), self%physics, error)
-      end if
+      call self%file%value('INSERT OR IGNORE INTO physics (identity) VALUES (' &
+         & //quoted(identity, '''')//'); SELECT id FROM physics WHERE identity = ' &
+         & //quoted(identity, ''''), self%physics, error)
       if (allocated(error)) call self%file%close()
    end subroutine open_campaign
 
@@ -111,10 +109,8 @@ contains
    end subroutine finalize_campaign
 
    !> Read the rows of this physics in the order of choice.
-   subroutine rows(self, symmetry, found, error)
+   subroutine rows(self, found, error)
       class(campaign_type), intent(in) :: self
-      !> Name of a crystal class; '' for all.
-      character(len=*), intent(in) :: symmetry
       !> In the order of their positions.
       type(row_type), allocatable, intent(out) :: found(:)
       type(error_type), allocatable, intent(out) :: error
@@ -123,8 +119,7 @@ contains
       integer :: at, i
 
       call self%file%query('SELECT '//columns//' FROM simulation WHERE physics_id = ' &
-         & //'?1 AND (?2 = '''' OR symmetry = ?2) ORDER BY position, id', &
-         & text_value(self%physics)//text_value(trim(symmetry)), cells, error)
+         & //'? ORDER BY position, id', text_value(self%physics), cells, error)
       allocate (found(count([(cells(i:i) == c_null_char, i=1, len(cells))])/n_columns))
       at = 1
       do i = 1, size(found)
@@ -159,7 +154,8 @@ contains
    subroutine add(self, row, error)
       class(campaign_type), intent(inout) :: self
       type(row_type), intent(in) :: row
-      type(error_type), allocatable, intent(out) :: error
+      !> After an error nothing is stored.
+      type(error_type), allocatable, intent(inout) :: error
       type(line_type) :: texts(n_texts)
       type(outcome_type) :: outcome
       character(len=:), allocatable :: values, cells
@@ -220,7 +216,7 @@ contains
       if (self%n_waiting == 0) return
       call self%file%run(begin_transaction, error)
       do i = 1, self%n_waiting
-         if (.not. allocated(error)) call self%add(self%waiting(i), error)
+         call self%add(self%waiting(i), error)
       end do
       call end_transaction(self%file, error)
       self%n_waiting = 0
@@ -229,15 +225,14 @@ contains
    !> Get the `position` of the next row.
    subroutine next_position(self, position, error)
       class(campaign_type), intent(in) :: self
+      !> 0 after an error.
       integer, intent(out) :: position
-      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable, intent(inout) :: error
       character(len=:), allocatable :: found
       integer :: outcome
 
-      position = 0
       call self%file%value('SELECT COALESCE(MAX(position) + 1, 0) FROM simulation WHERE ' &
          & //'physics_id = '//self%physics, found, error)
-      if (allocated(error)) return
       call read_integer(found, position, outcome)
    end subroutine next_position
 

@@ -3,7 +3,7 @@
 !> libsqlite3 reads and writes database files (cpp/database.cpp). Failures of the machine, such as
 !> a lock or a full disk, have their own error status. One thread at a time may use a database.
 module campaign_file
-   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_null_char, &
+   use, intrinsic :: iso_c_binding, only: c_associated, c_f_pointer, c_int, c_null_char, &
       & c_null_ptr, c_ptr
    use errors, only: error_type, machine_failure, prefix_error, raise, refuse
    use files, only: file_exists, folder_of, make_folder, name_beside, place_new_file, printable, &
@@ -32,7 +32,7 @@ module campaign_file
    interface
       type(c_ptr) function c_open(path) bind(c, name='bayesindent_open_database')
          import
-         character(kind=c_char), intent(in) :: path(*)
+         character, intent(in) :: path(*)
       end function c_open
       subroutine c_close(handle) bind(c, name='bayesindent_close_database')
          import
@@ -42,7 +42,7 @@ module campaign_file
          & name='bayesindent_query')
          import
          type(c_ptr), value :: handle
-         character(kind=c_char), intent(in) :: sql(*), values(*)
+         character, intent(in) :: sql(*), values(*)
          integer(c_int), value :: length
          integer(c_int), intent(out) :: bytes, code
       end function c_query
@@ -50,10 +50,6 @@ module campaign_file
 
    !> Mark of the files of this package ('bayi'), and version of their layout.
    character(len=*), parameter :: application_id = '1650555241', layout_version = '3'
-   !> Version before, whose simulations have no derivatives, and the statement that adds them.
-   character(len=*), parameter :: former_version = '2', &
-      & addition = 'ALTER TABLE simulation ADD COLUMN modulus_by_stiffness TEXT; PRAGMA ' &
-      & //'user_version = '//layout_version
    !> Statement that begins a transaction. `end_transaction` keeps all of its changes, or none.
    character(len=*), parameter :: begin_transaction = 'BEGIN IMMEDIATE'
 
@@ -91,7 +87,8 @@ contains
    subroutine open_database(self, path, error)
       class(database_type), intent(inout) :: self
       character(len=*), intent(in) :: path
-      type(error_type), allocatable, intent(out) :: error
+      !> After an error nothing is executed, here and below.
+      type(error_type), allocatable, intent(inout) :: error
 
       if (.not. allocated(self%path)) self%path = path
       self%handle = c_open(path//c_null_char)
@@ -111,7 +108,7 @@ contains
    subroutine run(self, sql, error)
       class(database_type), intent(in) :: self
       character(len=*), intent(in) :: sql
-      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable, intent(inout) :: error
       character(len=:), allocatable :: cells
 
       call self%query(sql, '', cells, error)
@@ -122,7 +119,7 @@ contains
       class(database_type), intent(in) :: self
       character(len=*), intent(in) :: sql
       character(len=:), allocatable, intent(out) :: text
-      type(error_type), allocatable, intent(out) :: error
+      type(error_type), allocatable, intent(inout) :: error
 
       call self%query(sql, '', text, error)
       text = text(:index(text, c_null_char) - 1)
@@ -136,11 +133,13 @@ contains
       !> Statements; values of the parameters, see `text_value`.
       character(len=*), intent(in) :: sql, values
       character(len=:), allocatable, intent(out) :: cells
-      type(error_type), allocatable, intent(out) :: error
-      character(kind=c_char), pointer :: bytes(:)
+      type(error_type), allocatable, intent(inout) :: error
+      character, pointer :: bytes(:)
       type(c_ptr) :: address
       integer(c_int) :: n, code
 
+      cells = ''
+      if (allocated(error)) return
       code = misuse
       cells = 'the database is not open'
       if (c_associated(self%handle)) then
@@ -179,8 +178,8 @@ contains
       if (len(folder_of(path)) > 0) call make_folder(folder_of(path), error)
       if (allocated(error)) return
       if (.not. file_exists(path)) call create()
-      if (.not. allocated(error)) call file%open(path, error)
-      if (.not. allocated(error)) call verify()
+      call file%open(path, error)
+      call verify()
 
    contains
 
@@ -193,50 +192,37 @@ contains
          ! Replace a file of this name, if there is one.
          call replace_file(name_beside(path), '', error)
          call prefix_error(error, path//': the campaign cannot be used: ')
-         if (.not. allocated(error)) call part%open(name_beside(path), error)
-         if (.not. allocated(error)) call part%run('BEGIN IMMEDIATE; '//layout//'; COMMIT', error)
+         call part%open(name_beside(path), error)
+         call part%run('BEGIN IMMEDIATE; '//layout//'; COMMIT', error)
          call part%close()
          call place_new_file(path, whole=.not. allocated(error))
       end subroutine create
 
       !> Refuse a file that is not an undamaged campaign of the present format.
       subroutine verify()
-         character(len=:), allocatable :: found, schema
+         character(len=:), allocatable :: schema, application, version, damage
 
          call file%value('SELECT group_concat(type || '' '' || name, '', '') FROM (SELECT * FROM ' &
             & //'sqlite_schema WHERE name NOT LIKE ''sqlite_%'' ORDER BY type, name)', schema, &
             & error)
-         if (len(schema) == 0 .and. .not. allocated(error)) then
+         call file%value('PRAGMA application_id', application, error)
+         call file%value('PRAGMA user_version', version, error)
+         call file%value('PRAGMA integrity_check(1)', damage, error)
+         if (allocated(error)) return
+         if (len(schema) == 0) then
             call raise_damaged(path, 'it is empty', error)
-         end if
-         if (allocated(error)) return
-         call file%value('PRAGMA application_id', found, error)
-         if (allocated(error)) return
-         if (found /= application_id) then
+         else if (application /= application_id) then
             call refuse(error, path//': is a database, but not a campaign of bayesindent; choose ' &
                & //'another output folder')
-         end if
-         if (.not. allocated(error)) call file%value('PRAGMA user_version', found, error)
-         if (found == former_version .and. schema == tables .and. .not. allocated(error)) then
-            ! Another process may have added them meanwhile.
-            call file%run(begin_transaction, error)
-            if (.not. allocated(error)) call file%value('PRAGMA user_version', found, error)
-            if (found == former_version) call file%run(addition, error)
-            call end_transaction(file, error)
-            found = layout_version
-         end if
-         if (found /= layout_version .and. .not. allocated(error)) then
-            call refuse(error, path//': is a campaign of format '//found//', not '//layout_version &
-               & //'; move it away to start a new one')
-         end if
-         if (schema /= tables .and. .not. allocated(error)) then
+         else if (version /= layout_version) then
+            call refuse(error, path//': is a campaign of format '//version//', not ' &
+               & //layout_version//'; move it away to start a new one')
+         else if (schema /= tables) then
             call raise_damaged(path, 'it has '//printable(schema)//' in place of '//tables, error)
+         else if (damage /= 'ok') then
+            ! The first line of a message of the check is a heading.
+            call raise_damaged(path, damage(index(damage, newline, back=.true.) + 1:), error)
          end if
-         if (.not. allocated(error)) call file%value('PRAGMA integrity_check(1)', found, error)
-         ! The first line of a message of the check is a heading.
-         if (found == 'ok' .or. allocated(error)) return
-         found = found(index(found, newline, back=.true.) + 1:)
-         call raise_damaged(path, found, error)
       end subroutine verify
    end subroutine open_campaign_file
 
@@ -246,7 +232,7 @@ contains
       type(error_type), allocatable, intent(inout) :: error
       type(error_type), allocatable :: aborted
 
-      if (.not. allocated(error)) call file%run('COMMIT', error)
+      call file%run('COMMIT', error)
       if (allocated(error)) call file%run('ROLLBACK', aborted)
    end subroutine end_transaction
 

@@ -36,13 +36,18 @@ contains
       type(campaign_type) :: campaign
       type(row_type), allocatable :: rows(:)
       type(json_type) :: page
-      integer :: k, n_new, n_simulations, n_failed
+      character(len=len(rows%symmetry)), allocatable :: names(:)
+      integer :: k, n_new
 
+      allocate (names(size(points%classes)))
+      do k = 1, size(names)
+         names(k) = points%classes(k)%name
+      end do
       if (.not. any(points%modulus_gpa > 0.0_wp) .and. points%table%find('reason') == 0) then
          call refuse(error, name//': there must be a column modulus_gpa (GPa) with a value, or a ' &
             & //'column reason with the cause of each failure')
       else if (allocated(problem%class%name) .and. allocated(problem%settings%domain%c_min)) then
-         if (any([(points%classes(k)%name /= problem%class%name, k=1, size(points%classes))])) then
+         if (any(names /= problem%class%name)) then
             call refuse(error, name//': there are crystals that are not '//problem%class%name &
                & //', which is the symmetry of '//problem%run%path)
          end if
@@ -53,18 +58,13 @@ contains
       call import_points(campaign, points, n_new, error)
       call prefix_error(error, name//': ')
       if (allocated(error)) return
-      n_simulations = 0
-      n_failed = 0
-      do k = 1, size(points%classes)
-         call campaign%rows(points%classes(k)%name, rows, error)
-         if (allocated(error)) return
-         n_simulations = n_simulations + count(rows%outcome%status == outcome_done)
-         n_failed = n_failed + count(rows%outcome%status == outcome_failed)
-      end do
+      call campaign%rows(rows, error)
+      if (allocated(error)) return
+      rows = pack(rows, [(any(rows(k)%symmetry == names), k=1, size(rows))])
       call page%begin_object()
       call page%put('imported', n_new)
-      call page%put('simulations', n_simulations)
-      call page%put('failed', n_failed)
+      call page%put('simulations', count(rows%outcome%status == outcome_done))
+      call page%put('failed', count(rows%outcome%status == outcome_failed))
       call page%put('warnings', [line_type ::])
       call page%end_object()
       document = page%text()
@@ -88,7 +88,7 @@ contains
       n_new = 0
       reason = points%table%find('reason')
       call self%file%run(begin_transaction, error)
-      if (.not. allocated(error)) call self%next_position(first, error)
+      call self%next_position(first, error)
       do i = 1, points%n
          if (allocated(error)) exit
          failure = ''

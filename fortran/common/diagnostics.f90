@@ -141,7 +141,7 @@ contains
    end function is_usable
 
    !> Diagnostics as a JSON array.
-   pure function diagnostics_text(list) result(text)
+   function diagnostics_text(list) result(text)
       type(diagnostic_type), intent(in) :: list(:)
       character(len=:), allocatable :: text
       type(json_type) :: page

@@ -1,10 +1,10 @@
 !> Read and write whole files, resolve their paths, and compute the checksum that reveals a change.
 module files
-   use, intrinsic :: iso_c_binding, only: c_associated, c_bool, c_char, c_int, c_null_char, &
-      & c_null_ptr, c_ptr
+   use, intrinsic :: iso_c_binding, only: c_associated, c_bool, c_int, c_int64_t, &
+      & c_null_char, c_ptr
    use errors, only: error_type, exit_bad_input, machine_failure, raise, refuse
    use kinds, only: i8
-   use text, only: to_text
+   use text, only: append, to_text
    implicit none
    private
    public :: make_absolute
@@ -22,58 +22,50 @@ module files
    interface
       subroutine c_make_folder(path) bind(c, name='bayesindent_make_folder')
          import
-         character(kind=c_char), intent(in) :: path(*)
+         character, intent(in) :: path(*)
       end subroutine c_make_folder
       subroutine c_place_file(beside, path, whole) bind(c, name='bayesindent_place_file')
          import
-         character(kind=c_char), intent(in) :: beside(*), path(*)
+         character, intent(in) :: beside(*), path(*)
          logical(c_bool), value :: whole
       end subroutine c_place_file
       integer(c_int) function c_read_file(path, largest, n) bind(c, name='bayesindent_read_file')
          import
-         character(kind=c_char), intent(in) :: path(*)
+         character, intent(in) :: path(*)
          integer(c_int), value :: largest
          integer(c_int), intent(out) :: n
       end function c_read_file
       subroutine c_take_bytes(bytes) bind(c, name='bayesindent_take_bytes')
          import
          ! allow(C072)
-         character(kind=c_char), intent(out) :: bytes(*)
+         character, intent(out) :: bytes(*)
       end subroutine c_take_bytes
-      type(c_ptr) function c_begin_file(path, beside) bind(c, name='bayesindent_begin_file')
+      subroutine c_write_file(path, beside, bytes, n, reason, size) bind(c, &
+         & name='bayesindent_write_file')
          import
-         character(kind=c_char), intent(in) :: path(*), beside(*)
-      end function c_begin_file
-      subroutine c_add_to_file(file, bytes, n) bind(c, name='bayesindent_add_to_file')
-         import
-         type(c_ptr), value :: file
-         character(kind=c_char), intent(in) :: bytes(*)
-         integer(c_int), value :: n
-      end subroutine c_add_to_file
-      subroutine c_finish_file(file, reason, size) bind(c, name='bayesindent_finish_file')
-         import
-         type(c_ptr), value :: file
+         character, intent(in) :: path(*), beside(*), bytes(*)
+         integer(c_int64_t), value :: n
          ! allow(C072)
-         character(kind=c_char), intent(out) :: reason(*)
+         character, intent(out) :: reason(*)
          integer(c_int), value :: size
-      end subroutine c_finish_file
+      end subroutine c_write_file
       !> The number of this process.
       integer(c_int) function process_number() bind(c, name='getpid')
          import
       end function process_number
       type(c_ptr) function c_realpath(path, resolved) bind(c, name='realpath')
          import
-         character(kind=c_char), intent(in) :: path(*)
+         character, intent(in) :: path(*)
          ! allow(C072)
-         character(kind=c_char), intent(out) :: resolved(*)
+         character, intent(out) :: resolved(*)
       end function c_realpath
    end interface
 
-   !> A file that is written piece by piece and appears under its name only when it is complete.
+   !> A file whose content is made piece by piece, before it is written.
    type :: new_file_type
       private
-      type(c_ptr) :: handle = c_null_ptr
-      character(len=:), allocatable :: path
+      character(len=:), allocatable :: path, content
+      integer(i8) :: filled = 0
    contains
       procedure :: begin, add, finish
    end type new_file_type
@@ -82,13 +74,11 @@ contains
 
    !> Read the `content` of a text file, without a UTF-8 byte order mark. The message of a refusal
    !> does not name the file.
-   subroutine read_text_file(path, content, error, comment)
+   subroutine read_text_file(path, content, error)
       character(len=*), intent(in) :: path
       character(len=:), allocatable, intent(out) :: content
       type(error_type), allocatable, intent(out) :: error
-      !> Sign that begins a comment, which may be of any encoding.
-      character, intent(in), optional :: comment
-      integer :: invalid_byte, line, line_end, first, i
+      integer :: invalid_byte, line, line_end, i
       logical :: exists
 
       inquire (file=path, exist=exists)
@@ -103,21 +93,6 @@ contains
       end if
       if (allocated(error)) return
       invalid_byte = not_utf8(content)
-      if (present(comment)) then
-         ! Comments may be of another encoding.
-         do while (invalid_byte > 0)
-            line_end = invalid_byte + index(content(invalid_byte:)//achar(10), achar(10)) - 2
-            line = index(content(:invalid_byte), achar(10), back=.true.) + 1
-            first = line + index(content(line:invalid_byte), comment) - 1
-            ! A sign in quotes begins no comment.
-            if (first < line .or. mod(count([(scan(content(i:i), '''"') > 0, i=line, first)]), 2) &
-               & > 0) then
-               exit
-            end if
-            content(first:line_end) = ''
-            invalid_byte = not_utf8(content)
-         end do
-      end if
       if (index(content, 'PK'//achar(3)//achar(4)) == 1) then
          call refuse(error, 'the file is a spreadsheet or another zip archive (.xlsx, .ods), not ' &
             & //'text: save its sheet as CSV')
@@ -184,43 +159,38 @@ contains
    subroutine replace_file(path, content, error)
       character(len=*), intent(in) :: path, content
       type(error_type), allocatable, intent(out) :: error
-      type(new_file_type) :: file
+      character(len=256) :: reason
 
-      call file%begin(path)
-      call file%add(content)
-      call file%finish(error)
+      call c_write_file(path//c_null_char, name_beside(path)//c_null_char, content, &
+         & len(content, i8), reason, len(reason))
+      associate (n => index(reason, c_null_char) - 1)
+         if (n > 0) then
+            call raise(error, path//': cannot be written: '//reason(:n), machine_failure)
+         end if
+      end associate
    end subroutine replace_file
 
-   !> Begin a file beside the one that it will replace.
    subroutine begin(self, path)
       class(new_file_type), intent(out) :: self
       character(len=*), intent(in) :: path
 
       self%path = path
-      self%handle = c_begin_file(path//c_null_char, name_beside(path)//c_null_char)
    end subroutine begin
 
-   !> Write the next piece of `content`; after a failure nothing is written.
+   !> Append `content`.
    subroutine add(self, content)
       class(new_file_type), intent(inout) :: self
       character(len=*), intent(in) :: content
 
-      call c_add_to_file(self%handle, content, len(content))
+      call append(self%content, self%filled, content)
    end subroutine add
 
-   !> Write the file to the disk and give it its name. A failure of any piece is reported here, and
-   !> then there is no new file.
+   !> Write the file.
    subroutine finish(self, error)
-      class(new_file_type), intent(inout) :: self
+      class(new_file_type), intent(in) :: self
       type(error_type), allocatable, intent(out) :: error
-      character(kind=c_char, len=256) :: reason
 
-      call c_finish_file(self%handle, reason, len(reason))
-      associate (n => index(reason, c_null_char) - 1)
-         if (n > 0) then
-            call raise(error, self%path//': cannot be written: '//reason(:n), machine_failure)
-         end if
-      end associate
+      call replace_file(self%path, self%content(:self%filled), error)
    end subroutine finish
 
    !> The name under which this process writes a file until it is complete.
@@ -277,7 +247,7 @@ contains
    function full_path(path) result(resolved)
       character(len=*), intent(in) :: path
       character(len=:), allocatable :: resolved
-      character(kind=c_char, len=4097) :: buffer
+      character(len=4097) :: buffer
 
       resolved = path
       if (c_associated(c_realpath(path//c_null_char, buffer))) then

@@ -10,53 +10,44 @@
 !> The key is empty for the outermost value and within arrays. A number that is not finite becomes
 !> null. Other numbers are written with all digits, so that reading them restores every bit.
 module json
-   use kinds, only: wp
-   use text, only: append, line_type, newline, number_text, split_list, to_text
+   use kinds, only: i8, wp
+   use named_values, only: header_type, named_values_reader_type, named_values_type
+   use text, only: append, newline, number_text, split_list, to_text
    implicit none
    private
    public :: json_type, quoted
 
    integer, parameter :: deepest = 32
 
-   type :: json_type
-      private
-      character(len=:), allocatable :: page
-      integer :: filled = 0, depth = 0
-      !> For each depth: whether a value has been written, and the bracket that closes the level.
-      logical :: begun(0:deepest) = .false.
-      character :: bracket(0:deepest) = ' '
+   !> The values of the document by their keys, and of four more kinds: { and [ open an object or an
+   !> array, } closes either, and j is JSON already.
+   type, extends(named_values_type) :: json_type
    contains
       procedure :: begin_object, end_object => close_level, begin_array, &
-         & end_array => close_level, put_numbers
-      !> `put_json` writes a value that is JSON already.
-      procedure :: put_json, text => document_text
-      procedure, private :: put_text, put_real, put_integer, put_logical, put_reals, &
-         & put_matrix, put_lines
-      generic :: put => put_text, put_real, put_integer, put_logical, put_reals, &
-         & put_matrix, put_lines
+         & end_array => close_level, put_numbers, put_json, text => document_text
    end type json_type
 
 contains
 
    !> Open an object; `key` is its name in the surrounding object.
-   pure subroutine begin_object(self, key)
+   subroutine begin_object(self, key)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in), optional :: key
 
-      call open_level(self, '{}', key)
+      call open_level(self, '{', key)
    end subroutine begin_object
 
    !> Open an array; `key` is its name in the surrounding object.
-   pure subroutine begin_array(self, key)
+   subroutine begin_array(self, key)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in), optional :: key
 
-      call open_level(self, '[]', key)
+      call open_level(self, '[', key)
    end subroutine begin_array
 
    !> Write one of the numbers `values` for each name, into the open object or into a new one under
    !> `key`.
-   pure subroutine put_numbers(self, names, values, key)
+   subroutine put_numbers(self, names, values, key)
       class(json_type), intent(inout) :: self
       !> Separated by ', '; one value for each name.
       character(len=*), intent(in) :: names
@@ -74,136 +65,143 @@ contains
    end subroutine put_numbers
 
    !> Write `value`, which is JSON already, under `key`.
-   pure subroutine put_json(self, key, value)
+   subroutine put_json(self, key, value)
       class(json_type), intent(inout) :: self
       character(len=*), intent(in) :: key, value
 
-      call begin_value(self, key)
-      call append(self%page, self%filled, value)
+      call self%put_as('j', key, value)
    end subroutine put_json
 
-   !> Write the text `value` under `key`.
-   pure subroutine put_text(self, key, value)
+   subroutine open_level(self, bracket, key)
       class(json_type), intent(inout) :: self
-      character(len=*), intent(in) :: key, value
-
-      call self%put_json(key, quoted(value))
-   end subroutine put_text
-
-   !> Write the number `value` under `key`, with all digits.
-   pure subroutine put_real(self, key, value)
-      class(json_type), intent(inout) :: self
-      character(len=*), intent(in) :: key
-      real(wp), intent(in) :: value
-
-      call self%put_json(key, number(value))
-   end subroutine put_real
-
-   !> Write the integer `value` under `key`.
-   pure subroutine put_integer(self, key, value)
-      class(json_type), intent(inout) :: self
-      character(len=*), intent(in) :: key
-      integer, intent(in) :: value
-
-      call self%put_json(key, to_text(value))
-   end subroutine put_integer
-
-   !> Write the logical `value` under `key`.
-   pure subroutine put_logical(self, key, value)
-      class(json_type), intent(inout) :: self
-      character(len=*), intent(in) :: key
-      logical, intent(in) :: value
-
-      call self%put_json(key, trim(merge('true ', 'false', value)))
-   end subroutine put_logical
-
-   !> Write the numbers `values` under `key` as an array.
-   pure subroutine put_reals(self, key, values)
-      class(json_type), intent(inout) :: self
-      character(len=*), intent(in) :: key
-      real(wp), intent(in) :: values(:)
-      integer :: i
-
-      call begin_value(self, key)
-      call append(self%page, self%filled, '[')
-      do i = 1, size(values)
-         if (i > 1) call append(self%page, self%filled, ', ')
-         call append(self%page, self%filled, number(values(i)))
-      end do
-      call append(self%page, self%filled, ']')
-   end subroutine put_reals
-
-   !> Write the matrix `values` under `key` as an array of its rows.
-   pure subroutine put_matrix(self, key, values)
-      class(json_type), intent(inout) :: self
-      character(len=*), intent(in) :: key
-      real(wp), intent(in) :: values(:, :)
-      integer :: i
-
-      call self%begin_array(key)
-      do i = 1, size(values, 1)
-         call self%put('', values(i, :))
-      end do
-      call self%end_array()
-   end subroutine put_matrix
-
-   !> Write the texts `lines` under `key` as an array.
-   pure subroutine put_lines(self, key, lines)
-      class(json_type), intent(inout) :: self
-      character(len=*), intent(in) :: key
-      type(line_type), intent(in) :: lines(:)
-      integer :: i
-
-      call self%begin_array(key)
-      do i = 1, size(lines)
-         call self%put('', lines(i)%text)
-      end do
-      call self%end_array()
-   end subroutine put_lines
-
-   !> The document, with a newline at its end.
-   pure function document_text(self) result(text)
-      class(json_type), intent(in) :: self
-      character(len=:), allocatable :: text
-
-      text = ''
-      if (allocated(self%page)) text = self%page(:self%filled)//newline
-   end function document_text
-
-   pure subroutine open_level(self, brackets, key)
-      class(json_type), intent(inout) :: self
-      character(len=2), intent(in) :: brackets
+      character, intent(in) :: bracket
       character(len=*), intent(in), optional :: key
 
-      call begin_value(self, key)
-      call append(self%page, self%filled, brackets(1:1))
-      self%depth = self%depth + 1
-      self%begun(self%depth) = .false.
-      self%bracket(self%depth) = brackets(2:2)
+      if (present(key)) call self%put_as(bracket, key, '')
+      if (.not. present(key)) call self%put_as(bracket, '', '')
    end subroutine open_level
 
    !> Close the innermost object or array.
-   pure subroutine close_level(self)
+   subroutine close_level(self)
       class(json_type), intent(inout) :: self
 
-      if (self%begun(self%depth)) then
-         call append(self%page, self%filled, newline//repeat(' ', self%depth - 1))
-      end if
-      call append(self%page, self%filled, self%bracket(self%depth))
-      self%depth = self%depth - 1
+      call self%put_as('}', '', '')
    end subroutine close_level
 
-   !> Write the comma, the line break and the key that precede a value.
-   pure subroutine begin_value(self, key)
-      class(json_type), intent(inout) :: self
-      character(len=*), intent(in), optional :: key
+   !> The document, with a newline at its end.
+   function document_text(self) result(text)
+      class(json_type), intent(in), target :: self
+      character(len=:), allocatable :: text, page, key, lines
+      type(named_values_reader_type) :: values
+      type(header_type) :: header
+      real(wp), pointer :: reals(:)
+      !> The brackets that close the open levels.
+      character(len=deepest) :: brackets
+      !> Whether the innermost level has a value.
+      logical :: begun
+      integer(i8) :: filled
+      integer :: depth, n, i
 
-      if (self%begun(self%depth)) call append(self%page, self%filled, ',')
-      if (self%depth > 0) call append(self%page, self%filled, newline//repeat(' ', self%depth))
-      self%begun(self%depth) = .true.
-      if (.not. present(key)) return
-      if (len(key) > 0) call append(self%page, self%filled, quoted(key)//': ')
-   end subroutine begin_value
+      text = ''
+      if (self%filled == 0) return
+      call values%look_at(self%bytes(:self%filled))
+      filled = 0
+      depth = 0
+      begun = .false.
+      do while (size(values%bytes) > 0)
+         header = values%header(0_i8)
+         key = header%name(values)
+         if (header%kind /= '}') call begin_value(key)
+         select case (header%kind)
+         case ('{', '[')
+            call open(header%kind)
+         case ('}')
+            call close()
+         case ('j')
+            call add(values%text(key))
+         case ('t')
+            call add(quoted(values%text(key)))
+         case ('l')
+            lines = values%text(key)
+            call open('[')
+            do while (len(lines) > 0)
+               n = index(lines, achar(0))
+               call begin_value('')
+               call add(quoted(lines(:n - 1)))
+               lines = lines(n + 1:)
+            end do
+            call close()
+         case ('i')
+            call add(to_text(values%integer(key)))
+         case ('b')
+            call add(trim(merge('true ', 'false', values%logical(key))))
+         case default
+            reals => values%reals(key)
+            n = int(header%shape(1))
+            if (header%rank == 0) then
+               call add(number(reals(1)))
+            else if (header%rank == 1) then
+               call add_numbers(reals)
+            else
+               ! The rows of a matrix.
+               call open('[')
+               do i = 1, n
+                  call begin_value('')
+                  call add_numbers(reals(i::n))
+               end do
+               call close()
+            end if
+         end select
+         values%bytes => values%bytes(header%next + 1:)
+      end do
+      text = page(:filled)//newline
+
+   contains
+
+      subroutine add(piece)
+         character(len=*), intent(in) :: piece
+
+         call append(page, filled, piece)
+      end subroutine add
+
+      !> Write the comma, the line break and the key that precede a value.
+      subroutine begin_value(key)
+         character(len=*), intent(in) :: key
+
+         if (begun) call add(',')
+         if (depth > 0) call add(newline//repeat(' ', depth))
+         begun = .true.
+         if (len(key) > 0) call add(quoted(key)//': ')
+      end subroutine begin_value
+
+      subroutine open(bracket)
+         character, intent(in) :: bracket
+
+         call add(bracket)
+         depth = depth + 1
+         brackets(depth:depth) = merge('}', ']', bracket == '{')
+         begun = .false.
+      end subroutine open
+
+      subroutine close()
+         depth = depth - 1
+         if (begun) call add(newline//repeat(' ', depth))
+         call add(brackets(depth + 1:depth + 1))
+         begun = .true.
+      end subroutine close
+
+      subroutine add_numbers(numbers)
+         real(wp), intent(in) :: numbers(:)
+         integer :: k
+
+         call add('[')
+         do k = 1, size(numbers)
+            if (k > 1) call add(', ')
+            call add(number(numbers(k)))
+         end do
+         call add(']')
+      end subroutine add_numbers
+   end function document_text
 
    pure function number(value) result(string)
       real(wp), intent(in) :: value

@@ -32,7 +32,7 @@ module labelled_values
       type(error_type), allocatable :: error
       !> The text to read; or the written text, in its first `filled` bytes.
       character(len=:), allocatable :: content
-      integer :: filled = 0
+      integer(i8) :: filled = 0
       !> Position of the next byte to read, and number of the line before it.
       integer, private :: position = 1, line = 0
    contains
@@ -256,7 +256,7 @@ contains
       character(len=*), intent(in) :: piece
 
       if (allocated(self%error)) return
-      if (int(self%filled, i8) + len(piece) > largest) then
+      if (self%filled + len(piece) > largest) then
          call self%fail('would be larger than '//to_text(largest)//' bytes')
       else
          call append(self%content, self%filled, piece)

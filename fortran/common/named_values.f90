@@ -3,44 +3,44 @@
 !>
 !> A value has a header of 48 bytes: its kind and its rank, a byte each, 2 unused bytes, 4 bytes for
 !> the length of its name, 8 for the number of bytes of the value, 4 x 8 for its shape. Name and
-!> value follow, each filled up with zeros to a multiple of 8 bytes. The kinds are t, a text; l,
+!> value follow, each filled up to a multiple of 8 bytes. The kinds are t, a text; l,
 !> texts that each end in a zero byte; i, integers of 8 bytes; b, the same as logicals; r, reals.
 !> Arrays are in Fortran's order; C reads them with the axes reversed. The argument to write is
 !> named `value`, `values` for an array, or `words`.
 module named_values
-   use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_loc, c_ptr
+   use, intrinsic :: iso_c_binding, only: c_f_pointer, c_loc, c_ptr
    use errors, only: error_type, refuse
    use files, only: checksum, read_bytes, replace_file
    use kinds, only: i8, wp
-   use text, only: line_type, split_list
+   use text, only: append, line_type, split_list
    implicit none
    private
-   public :: named_values_type, named_values_reader_type, restore
+   public :: named_values_type, named_values_reader_type, header_type, restore
 
    integer, parameter :: header_bytes = 48, most_axes = 4, unit_bytes = 8
 
    !> Values that are written one after the other.
    type :: named_values_type
       !> The written values are the first `filled` bytes.
-      character(kind=c_char, len=:), allocatable :: bytes
+      character(len=:), allocatable :: bytes
       integer(i8) :: filled = 0
    contains
       procedure, private :: put_text, put_texts, put_words, put_integer, put_logical, put_real, &
          & put_reals, put_matrix, put_matrices
       generic :: put => put_text, put_texts, put_words, put_integer, put_logical, put_real, &
          & put_reals, put_matrix, put_matrices
-      procedure :: put_array, put_integers, store
+      procedure :: put_as, put_array, put_integers, store
    end type named_values_type
 
    !> Values in bytes that the caller owns, found by their names. A missing value sets `error` and
    !> is returned empty.
    type :: named_values_reader_type
-      character(kind=c_char), pointer :: bytes(:) => null()
+      character, pointer :: bytes(:) => null()
       type(error_type), allocatable :: error
    contains
       procedure :: look_at, has, text => text_of, integer => integer_of, &
          & logical => logical_of, real => real_of, reals => reals_of, columns => columns_of, &
-         & matrices => matrices_of
+         & matrices => matrices_of, header => header_at
    end type named_values_reader_type
 
    !> What precedes a value that is in bytes, and where.
@@ -48,16 +48,16 @@ module named_values
       character :: kind
       integer :: rank, name_bytes
       integer(i8) :: n_bytes, shape(most_axes)
-      !> Numbers of bytes before the header and before the value.
-      integer(i8) :: position, start
+      !> Numbers of bytes before the header, before the value, and before the next header.
+      integer(i8) :: position, start, next
    contains
-      procedure :: is_named
+      procedure :: is_named, name => name_in
    end type header_type
 
 contains
 
    !> Append the value of `n_bytes` bytes at an address.
-   subroutine append(self, name, kind, axes, n_bytes, address)
+   subroutine append_value(self, name, kind, axes, n_bytes, address)
       class(named_values_type), intent(inout) :: self
       character(len=*), intent(in) :: name
       character, intent(in) :: kind
@@ -65,31 +65,26 @@ contains
       integer, intent(in) :: axes(:)
       integer(i8), intent(in) :: n_bytes
       type(c_ptr), intent(in) :: address
-      character(kind=c_char, len=:), allocatable :: larger
-      character(kind=c_char), pointer :: content(:)
-      integer(i8) :: shape(most_axes), start, i
+      character(len=n_bytes), pointer :: content
+      integer(i8) :: shape(most_axes)
 
-      start = self%filled + header_bytes + padded(len(name, i8))
-      if (.not. allocated(self%bytes)) allocate (character(len=4096) :: self%bytes)
-      if (start + padded(n_bytes) > len(self%bytes, i8)) then
-         allocate (character(len=start + padded(n_bytes) + len(self%bytes, i8)) :: larger)
-         larger(:self%filled) = self%bytes(:self%filled)
-         call move_alloc(larger, self%bytes)
-      end if
       shape = 0
       shape(:size(axes)) = axes
-      self%bytes(self%filled + 1:self%filled + header_bytes) = kind//achar(size(axes)) &
-         & //repeat(achar(0), 2)//transfer(len(name), repeat(' ', 4)) &
-         & //transfer([n_bytes, shape], repeat(' ', header_bytes - 8))
-      self%bytes(self%filled + header_bytes + 1:start) = name &
-         & //repeat(achar(0), int(padded(len(name, i8)) - len(name)))
-      self%bytes(start + 1:start + padded(n_bytes)) = ''
-      call c_f_pointer(address, content, [n_bytes])
-      do i = 1, n_bytes
-         self%bytes(start + i:start + i) = content(i)
-      end do
-      self%filled = start + padded(n_bytes)
-   end subroutine append
+      call c_f_pointer(address, content)
+      call add(kind//achar(size(axes))//repeat(achar(0), 2)//transfer(len(name), repeat(' ', 4)) &
+         & //transfer([n_bytes, shape], repeat(' ', header_bytes - 8)))
+      call add(name//repeat(achar(0), int(padded(len(name, i8)) - len(name))))
+      call add(content)
+      call add(repeat(' ', int(padded(n_bytes) - n_bytes)))
+
+   contains
+
+      subroutine add(piece)
+         character(len=*), intent(in) :: piece
+
+         call append(self%bytes, self%filled, piece)
+      end subroutine add
+   end subroutine append_value
 
    !> The next multiple of eight.
    pure integer(i8) function padded(n)
@@ -101,11 +96,20 @@ contains
    !> The text `value`.
    subroutine put_text(self, name, value)
       class(named_values_type), intent(inout) :: self
+      character(len=*), intent(in) :: name, value
+
+      call self%put_as('t', name, value)
+   end subroutine put_text
+
+   !> A text of a kind that a document adds to those above, see `json`.
+   subroutine put_as(self, kind, name, value)
+      class(named_values_type), intent(inout) :: self
+      character, intent(in) :: kind
       character(len=*), intent(in) :: name
       character(len=*), intent(in), target :: value
 
-      call append(self, name, 't', [integer ::], len(value, i8), c_loc(value))
-   end subroutine put_text
+      call append_value(self, name, kind, [integer ::], len(value, i8), c_loc(value))
+   end subroutine put_as
 
    !> The list of texts `value`.
    subroutine put_texts(self, name, value)
@@ -113,15 +117,15 @@ contains
       character(len=*), intent(in) :: name
       type(line_type), intent(in) :: value(:)
       character(len=:), allocatable, target :: joined
-      integer :: i, position
+      integer(i8) :: filled
+      integer :: i
 
-      allocate (character(len=sum([(len(value(i)%text) + 1, i=1, size(value))])) :: joined)
-      position = 0
+      joined = ''
+      filled = 0
       do i = 1, size(value)
-         joined(position + 1:position + len(value(i)%text) + 1) = value(i)%text//achar(0)
-         position = position + len(value(i)%text) + 1
+         call append(joined, filled, value(i)%text//achar(0))
       end do
-      call append(self, name, 'l', [size(value)], len(joined, i8), c_loc(joined))
+      call append_value(self, name, 'l', [size(value)], filled, c_loc(joined))
    end subroutine put_texts
 
    !> A list of texts, each without the blanks at its end.
@@ -153,7 +157,7 @@ contains
       integer(i8), target :: bits(size(values))
 
       bits = values
-      call append(self, name, 'i', shape, size(bits)*8_i8, c_loc(bits))
+      call append_value(self, name, 'i', shape, size(bits)*8_i8, c_loc(bits))
    end subroutine put_integers
 
    !> The logical `value`.
@@ -164,7 +168,7 @@ contains
       integer(i8), target :: bits
 
       bits = merge(1_i8, 0_i8, value)
-      call append(self, name, 'b', [integer ::], 8_i8, c_loc(bits))
+      call append_value(self, name, 'b', [integer ::], 8_i8, c_loc(bits))
    end subroutine put_logical
 
    !> The real `value`.
@@ -183,7 +187,7 @@ contains
       integer, intent(in) :: shape(:)
       real(wp), intent(in), target :: values(product(shape))
 
-      call append(self, name, 'r', shape, size(values, kind=i8)*8, c_loc(values))
+      call append_value(self, name, 'r', shape, size(values, kind=i8)*8, c_loc(values))
    end subroutine put_array
 
    subroutine put_reals(self, name, values)
@@ -213,7 +217,7 @@ contains
    !> Read from the bytes of `content`, which must stay where it is.
    subroutine look_at(self, content)
       class(named_values_reader_type), intent(inout) :: self
-      character(kind=c_char, len=*), intent(in), target :: content
+      character(len=*), intent(in), target :: content
 
       call c_f_pointer(c_loc(content), self%bytes, [len(content)])
    end subroutine look_at
@@ -242,7 +246,7 @@ contains
       !> What the user should do, for messages.
       character(len=*), intent(in) :: remedy
       !> The values without the checksum.
-      character(kind=c_char, len=:), allocatable, target, intent(out) :: content
+      character(len=:), allocatable, target, intent(out) :: content
       type(error_type), allocatable, intent(out) :: error
       type(named_values_reader_type) :: values
       character(len=len(checksum(''))) :: found
@@ -309,7 +313,7 @@ contains
             end if
             if (sizes(j) /= header%shape(i)) return
          end do
-         position = header%start + padded(header%n_bytes)
+         position = header%next
          if ((kind /= 't' .and. n /= header%n_bytes) .or. position > size(self%bytes)) return
          if (header%kind /= 'r' .or. n == 0) cycle
          call c_f_pointer(c_loc(self%bytes(header%start + 1)), values, [n/unit_bytes])
@@ -334,7 +338,19 @@ contains
          header%shape = transfer(bytes(17:), header%shape)
       end associate
       header%start = position + header_bytes + padded(int(header%name_bytes, i8))
+      header%next = header%start + padded(header%n_bytes)
    end function header_at
+
+   !> The name of the value.
+   function name_in(self, values) result(name)
+      class(header_type), intent(in) :: self
+      class(named_values_reader_type), intent(in) :: values
+      character(len=self%name_bytes) :: name
+
+      associate (start => self%position + header_bytes)
+         name = transfer(values%bytes(start + 1:start + self%name_bytes), name)
+      end associate
+   end function name_in
 
    !> Whether the value has this name.
    logical function is_named(self, values, name)
@@ -343,10 +359,7 @@ contains
       character(len=*), intent(in) :: name
 
       is_named = self%name_bytes == len(name)
-      if (.not. is_named) return
-      associate (start => self%position + header_bytes)
-         is_named = transfer(values%bytes(start + 1:start + len(name)), name) == name
-      end associate
+      if (is_named) is_named = self%name(values) == name
    end function is_named
 
    !> The bytes of a named value; not associated if the name is missing or its kind is not in
@@ -354,7 +367,7 @@ contains
    function find(self, name, kinds) result(content)
       class(named_values_reader_type), intent(in) :: self
       character(len=*), intent(in) :: name, kinds
-      character(kind=c_char), pointer :: content(:)
+      character, pointer :: content(:)
       type(header_type) :: header
       integer(i8) :: position
 
@@ -369,7 +382,7 @@ contains
             end if
             return
          end if
-         position = header%start + padded(header%n_bytes)
+         position = header%next
       end do
    end function find
 
@@ -383,7 +396,7 @@ contains
    integer function integer_of(self, name) result(value)
       class(named_values_reader_type), intent(inout) :: self
       character(len=*), intent(in) :: name
-      character(kind=c_char), pointer :: content(:)
+      character, pointer :: content(:)
 
       content => find(self, name, 'ib')
       value = 0
@@ -415,9 +428,9 @@ contains
       class(named_values_reader_type), intent(inout) :: self
       character(len=*), intent(in) :: name
       character(len=:), allocatable :: value
-      character(kind=c_char), pointer :: content(:)
+      character, pointer :: content(:)
 
-      content => find(self, name, 't')
+      content => find(self, name, 'tlj')
       value = ''
       if (associated(content)) then
          value = transfer(content, repeat(' ', size(content)))
@@ -431,7 +444,7 @@ contains
       class(named_values_reader_type), intent(inout) :: self
       character(len=*), intent(in) :: name
       real(wp), pointer :: values(:)
-      character(kind=c_char), pointer :: content(:)
+      character, pointer :: content(:)
 
       content => find(self, name, 'r')
       if (associated(content)) then

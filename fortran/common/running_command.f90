@@ -12,7 +12,7 @@
 !> results are discarded. Nothing changes if SIGINT has no handler, or if the handler is that of a
 !> running command.
 module running_command
-   use, intrinsic :: iso_c_binding, only: c_bool, c_char, c_int, c_null_char
+   use, intrinsic :: iso_c_binding, only: c_bool, c_int, c_null_char
    use errors, only: error_type, raise, refuse
    use files, only: make_folder, unfinished
    use text, only: to_text
@@ -31,13 +31,13 @@ module running_command
       integer(c_int) function c_take_folder(folder, prefix, milliseconds, resumes, holder) bind(c, &
          & name='bayesindent_take_folder')
          import
-         character(kind=c_char), intent(in) :: folder(*), prefix(*)
+         character, intent(in) :: folder(*), prefix(*)
          integer(c_int), value :: milliseconds, resumes
          integer(c_int), intent(out) :: holder
       end function c_take_folder
       subroutine c_remove_files(folder, prefix) bind(c, name='bayesindent_remove_files')
          import
-         character(kind=c_char), intent(in) :: folder(*), prefix(*)
+         character, intent(in) :: folder(*), prefix(*)
       end subroutine c_remove_files
       !> Release the folder and restore the handlers of signals.
       subroutine end_command() bind(c, name='bayesindent_end_command')
@@ -45,7 +45,7 @@ module running_command
       subroutine c_print(to, line) bind(c, name='bayesindent_print')
          import
          integer(c_int), value :: to
-         character(kind=c_char), intent(in) :: line(*)
+         character, intent(in) :: line(*)
       end subroutine c_print
       !> Begin to record SIGINT; threads may call this at the same time.
       subroutine listen() bind(c, name='bayesindent_listen')

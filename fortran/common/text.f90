@@ -5,7 +5,7 @@
 !> The lengths of the texts of numbers are expressions: gfortran keeps the length of a
 !> deferred-length result in static memory of the caller, where threads overwrite it.
 module text
-   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_int
+   use, intrinsic :: iso_c_binding, only: c_double, c_int
    use kinds, only: i8, wp
    implicit none
    private
@@ -38,12 +38,12 @@ module text
          real(c_double), value :: value
          integer(c_int), value :: form, n, length
          ! allow(C072)
-         character(kind=c_char), intent(out) :: text(*)
+         character, intent(out) :: text(*)
       end subroutine c_write
       pure subroutine c_read_real(text, length, value, outcome) &
          & bind(c, name='bayesindent_read_real')
          import
-         character(kind=c_char), intent(in) :: text(*)
+         character, intent(in) :: text(*)
          integer(c_int), value :: length
          real(c_double), intent(out) :: value
          integer(c_int), intent(out) :: outcome
@@ -177,7 +177,7 @@ contains
    !> Append a `piece` to the first `filled` characters of a `page`, which grows if needed.
    pure subroutine append(page, filled, piece)
       character(len=:), allocatable, intent(inout) :: page
-      integer, intent(inout) :: filled
+      integer(i8), intent(inout) :: filled
       character(len=*), intent(in) :: piece
       integer, parameter :: least_length = 4096
       character(len=:), allocatable :: larger

@@ -1,7 +1,6 @@
 !> The results of Step 2: the document of `extract`, with warnings; and posterior.bin, which has all
 !> numbers by name, see `put_analysis`.
 module analysis_document
-   use, intrinsic :: iso_c_binding, only: c_char
    use constants_prior, only: prior_type
    use crystal_class, only: crystal_class_type, new_crystal_class
    use diagnostics, only: is_usable
@@ -188,10 +187,8 @@ contains
          call moments(log(flattened(factor)), mean, sd)
          call page%begin_array('log_factor')
          do i = 1, size(mean)
-            call page%begin_object()
             call page%put_numbers('mean, sd, prior_mean, prior_sd', [mean(i), sd(i), &
-               & laboratory%mean(i), laboratory%sd(i)])
-            call page%end_object()
+               & laboratory%mean(i), laboratory%sd(i)], '')
          end do
          call page%end_array()
          mean(1) = laboratory%contrast(1)
@@ -511,7 +508,7 @@ contains
    !> Read the `content` of posterior.bin in a folder, without the checksum, see `restore`.
    subroutine read_posterior(folder, content, error)
       character(len=*), intent(in) :: folder
-      character(kind=c_char, len=:), allocatable, target, intent(out) :: content
+      character(len=:), allocatable, target, intent(out) :: content
       type(error_type), allocatable, intent(out) :: error
       character(len=*), parameter :: remedy = 'run bayesindent extract or bayesindent run again'
       type(named_values_reader_type) :: values
@@ -545,7 +542,7 @@ contains
       real(wp), allocatable, intent(out) :: draws(:, :)
       type(error_type), allocatable, intent(out) :: error
       type(named_values_reader_type) :: values
-      character(kind=c_char, len=:), allocatable, target :: content
+      character(len=:), allocatable, target :: content
 
       if (.not. file_exists(folder//posterior_file)) return
       call read_posterior(folder, content, error)

@@ -10,7 +10,6 @@
 !> surrogate or another prior change their bits. A chain that cannot be stored, or whose file is
 !> damaged, is drawn again.
 module samplers
-   use, intrinsic :: iso_c_binding, only: c_char
    use abstract_sampler, only: chain_type, draw_starts, estimate_type, sampler_type, target_type
    use ensemble_sampler, only: ensemble_sampler_type, most_efforts
    use errors, only: error_type, raise, refuse
@@ -108,7 +107,7 @@ contains
       character(len=*), parameter :: forms(4) = [character(len=28) :: 'format, i', &
          & 'acceptance, r', 'log_density, r, sample', 'draws, r, parameter, sample']
       type(error_type), allocatable :: error
-      character(kind=c_char, len=:), allocatable, target :: content
+      character(len=:), allocatable, target :: content
       type(named_values_reader_type) :: values
       real(wp), pointer :: log_density(:), draws(:)
 

@@ -107,6 +107,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(entry_type) :: parsed(size(namelist))
       type(lattice_type) :: lattice
+      character(len=:), allocatable :: word
       integer :: i
 
       self%run%path = path
@@ -125,7 +126,11 @@ contains
       parsed = namelist
       i = find_entry(parsed, 'problem', 'symmetry')
       if (i > 0) then
-         if (size(parsed(i)%values) == 1) call name_class(parsed(i)%values(1)%text)
+         if (size(parsed(i)%values) == 1) then
+            ! Replace a space group by its Laue class.
+            word = laue_class(parsed(i)%values(1)%text)
+            if (len(word) > 0) parsed(i)%values(1)%text = word
+         end if
       end if
       call read_settings(parsed, command, needed, self%settings, error)
       if (allocated(error)) return
@@ -153,13 +158,6 @@ contains
       if (allocated(error)) return
       if (len(self%settings%specimen%estimator) == 0) self%settings%specimen%estimator = 'curve'
    end subroutine new_problem
-
-   !> Replace a space group by its Laue class.
-   pure subroutine name_class(word)
-      character(len=:), allocatable, intent(inout) :: word
-
-      if (len(laue_class(word)) > 0) word = laue_class(word)
-   end subroutine name_class
 
    !> The number of threads that &execution allows.
    integer function threads(self)

@@ -1,6 +1,6 @@
 !> bayesindent-batch: perform the computing stages of a namelist file, without Python.
 program batch
-   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
+   use, intrinsic :: iso_c_binding, only: c_int, c_null_char
    use abstract_stage, only: stage_type
    use diagnostics, only: diagnostic_type, is_usable
    use errors, only: error_type, exit_bad_input, exit_failure, exit_unusable
@@ -35,9 +35,9 @@ program batch
       end subroutine prepare_blas
       subroutine c_data_folder(installed, folder, size) bind(c, name='bayesindent_data_folder')
          import
-         character(kind=c_char), intent(in) :: installed(*)
+         character, intent(in) :: installed(*)
          ! allow(C072)
-         character(kind=c_char), intent(out) :: folder(*)
+         character, intent(out) :: folder(*)
          integer(c_int), value :: size
       end subroutine c_data_folder
    end interface
@@ -101,7 +101,7 @@ contains
       type(named_values_reader_type) :: no_texts
       type(error_type), allocatable :: error
       type(places_type) :: places
-      character(kind=c_char, len=4096) :: folder
+      character(len=4096) :: folder
       logical :: usable
       integer :: i
 

@@ -35,6 +35,8 @@ module abstract_stage
       real(wp) :: stiffness(6, 6) = 0.0_wp, euler_deg(3) = 0.0_wp
       !> Number in the batch of the stage, from 1.
       integer :: number = 0
+      !> Whether the machine could not perform it once.
+      logical :: has_failed = .false.
    end type job_type
 
    type, abstract, extends(diagnosed_type) :: stage_type
@@ -50,14 +52,13 @@ module abstract_stage
       type(job_type), allocatable :: jobs(:)
       !> Numbers of simulations: made in this run, failed, and still expected.
       integer :: n_new = 0, n_failed = 0, n_expected = 0
-      !> One line on what was done, and further lines.
+      !> One line on what was done, the document unless the stage says more; and further lines.
       character(len=:), allocatable :: done
       type(line_type), allocatable :: more(:)
-      !> The simulations of the present batch; each as a row of the campaign, with its outcome; and
-      !> the state of each, see below. The campaign may have had a row before.
+      !> The simulations of the present batch, and each as a row of the campaign, with its outcome.
+      !> The campaign may have had a row before.
       type(job_type), allocatable :: batch(:)
       type(row_type), allocatable :: rows(:)
-      integer, allocatable, private :: state(:)
       !> Open only in stages that simulate.
       type(campaign_type) :: campaign
    contains
@@ -82,9 +83,6 @@ module abstract_stage
    !> Version of the format of documents; python/bayesindent/stages/results_folder.py compares it.
    integer, parameter :: document_format = 2
 
-   !> States of a job: to be simulated, to be simulated once more, simulated.
-   integer, parameter :: waiting = 0, again = 1, made = 2
-
 contains
 
    !> Begin the stage in the output folder.
@@ -98,23 +96,11 @@ contains
       self%problem => problem
       self%output = places%output(:len(places%output) - 1)
       self%places = places
-      self%done = ''
       allocate (self%warnings(0), self%more(0))
       call self%begin(error)
       if (.not. allocated(self%batch)) allocate (self%batch(0))
       if (.not. allocated(self%rows)) allocate (self%rows(size(self%batch)))
-      call begin_batch(self)
    end subroutine open
-
-   !> Mark the rows of the batch that the campaign does not have as waiting.
-   subroutine begin_batch(self)
-      class(stage_type), intent(inout) :: self
-      integer :: i
-
-      self%batch%number = [(i, i=1, size(self%batch))]
-      self%state = merge(waiting, made, &
-         & self%rows(:size(self%batch))%outcome%status == outcome_waiting)
-   end subroutine begin_batch
 
    !> Read the outcomes that the campaign has for the rows of a batch. The positions of the other
    !> rows follow the last row of the campaign. With `in_place` the batch was interrupted before:
@@ -146,18 +132,22 @@ contains
    subroutine want(self, error)
       class(stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
+      integer :: i
 
-      if (all(self%state == made)) then
+      if (all(self%rows%outcome%status /= outcome_waiting)) then
          call self%campaign%flush(error)
          if (allocated(error)) return
          call self%choose(error)
          if (allocated(error)) return
-         call begin_batch(self)
       end if
-      if (any(self%state == waiting) .or. size(self%state) == 0) then
-         self%jobs = pack(self%batch, self%state == waiting)
+      associate (batch => self%batch)
+         batch%number = [(i, i=1, size(batch))]
+         self%jobs = pack(batch, self%rows(:size(batch))%outcome%status == outcome_waiting)
+      end associate
+      if (all(self%jobs%has_failed)) then
+         self%jobs = self%jobs(:min(1, size(self%jobs)))
       else
-         self%jobs = [self%batch(findloc(self%state, again, 1))]
+         self%jobs = pack(self%jobs, .not. self%jobs%has_failed)
       end if
    end subroutine want
 
@@ -170,10 +160,9 @@ contains
       type(outcome_type), intent(in) :: outcome
       type(error_type), allocatable, intent(out) :: error
 
-      if (number < 1 .or. number > size(self%state)) then
+      if (number < 1 .or. number > size(self%batch)) then
          call refuse(error, 'no such simulation is wanted')
       else if (outcome%status /= outcome_waiting) then
-         self%state(number) = made
          self%n_new = self%n_new + 1
          self%rows(number)%outcome = outcome
          associate (stored => self%rows(number)%outcome)
@@ -185,10 +174,10 @@ contains
             if (stored%status == outcome_failed) self%n_failed = self%n_failed + 1
          end associate
          if (allocated(self%campaign%path)) call self%campaign%add_soon(self%rows(number), error)
-      else if (self%state(number) == again) then
+      else if (self%batch(number)%has_failed) then
          call raise(error, outcome%message, machine_failure)
       else
-         self%state(number) = again
+         self%batch(number)%has_failed = .true.
       end if
    end subroutine take
 
@@ -217,6 +206,7 @@ contains
       type(json_type) :: page
 
       call self%campaign%file%close()
+      self%done = self%output//'/'//self%document_file
       call page%begin_object()
       call self%finish(page, error)
       if (allocated(error)) return

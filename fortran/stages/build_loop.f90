@@ -92,7 +92,7 @@ contains
          call self%campaign%open(self%output//'/'//campaign_name, &
             & identity_text(problem%settings), error)
          if (allocated(error)) return
-         call self%campaign%rows('', rows, error)
+         call self%campaign%rows(rows, error)
          if (allocated(error)) return
          if (size(rows) == 0) then
             call self%campaign%other_physics(others, error)
@@ -473,7 +473,7 @@ contains
       if (build%learning%n() > 0) then
          message = to_text(build%n_failed)//' simulations failed, more than the budget'
       end if
-      call build%campaign%rows('', rows, error)
+      call build%campaign%rows(rows, error)
       if (allocated(error)) return
       last = findloc(rows%outcome%status, outcome_failed, 1, back=.true.)
       if (last > 0) message = message//'; the last: '//rows(last)%outcome%message

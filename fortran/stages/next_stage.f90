@@ -45,6 +45,5 @@ contains
       call suggest_measurements(self%analysis, draws, page, error)
       self%warnings = self%analysis%warnings
       if (lost) call self%warn('sampled_anew', self%output//'/posterior.bin')
-      self%done = self%output//'/next.json'
    end subroutine finish
 end module next_stage

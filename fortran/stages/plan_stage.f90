@@ -1,17 +1,14 @@
 !> `plan`: the sd that each constant is expected to have.
 module plan_stage
-   use abstract_stage, only: stage_type
-   use analysis, only: analysis_type
    use errors, only: error_type
    use json, only: json_type
    use planned_measurements, only: check_plan, plan_measurements
-   use surrogate_loading, only: load_analysis
+   use surrogate_loading, only: analysis_stage_type, load_analysis
    implicit none
    private
    public :: plan_stage_type
 
-   type, extends(stage_type) :: plan_stage_type
-      type(analysis_type) :: analysis
+   type, extends(analysis_stage_type) :: plan_stage_type
    contains
       procedure :: begin, finish
    end type plan_stage_type
@@ -23,8 +20,7 @@ contains
       class(plan_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
 
-      self%done = self%output//'/plan.json'
-      call load_analysis(self%problem, self%places, .true., self%analysis, error)
+      call load_analysis(self, .true., error)
       if (.not. allocated(error)) call check_plan(self%analysis, error)
    end subroutine begin
 

@@ -20,7 +20,6 @@ contains
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
 
-      self%done = self%output//'/tensor.json'
       call compare_tensor(self%analysis, page, error)
    end subroutine finish
 end module tensor_stage

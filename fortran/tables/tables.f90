@@ -9,7 +9,7 @@ module tables
    use files, only: checksum, new_file_type, printable, read_text_file
    use text, only: append, lower, newline, number_malformed, number_ok, quoted, read_real, &
       & short_text, split_list, to_text
-   use kinds, only: wp
+   use kinds, only: i8, wp
    implicit none
    private
    public :: table_type, read_table, parse_table, write_table, csv_cell, longest_name
@@ -370,7 +370,8 @@ contains
    function digest(self)
       class(table_type), intent(in) :: self
       character(len=:), allocatable :: digest, joined
-      integer :: i, j, filled
+      integer(i8) :: filled
+      integer :: i, j
 
       filled = 0
       do i = 0, self%rows

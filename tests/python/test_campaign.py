@@ -139,23 +139,6 @@ def test_derivatives_are_kept(tmp_path):
         simulated(tmp_path, points, None, "fe")
 
 
-def test_a_campaign_of_the_version_before_is_continued(tmp_path):
-    """Its simulations have no derivatives; what it has stays as it is."""
-    points = crystals(8)
-    before = simulated(tmp_path, points[:6])["results"]
-    path = tmp_path / "campaign.sqlite"
-    with closing(sqlite3.connect(path)) as file:
-        file.execute("ALTER TABLE simulation DROP COLUMN modulus_by_stiffness")
-        file.execute("PRAGMA user_version = 2")
-        file.commit()
-    document = simulated(tmp_path, points)
-    assert document["new_simulations"] == 2
-    assert document["results"][:6] == before
-    with closing(sqlite3.connect(path)) as file:
-        assert file.execute("PRAGMA user_version").fetchone() == (3,)
-        assert file.execute("SELECT count(modulus_by_stiffness) FROM simulation").fetchone() == (0,)
-
-
 @pytest.mark.long
 def test_many_rows_are_found(tmp_path):
     path = tmp_path / "campaign.sqlite"

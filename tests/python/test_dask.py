@@ -159,8 +159,9 @@ def test_a_namelist_connects_to_nothing(tmp_path, bayesindent, address):
         )
         done = bayesindent("build", "a.nml")
         assert done.returncode == 2
-        assert done.stderr.startswith(f"a.nml: &execution scheduler: '{stated}'; allowed 'local', ")
-        assert "--scheduler ADDRESS" in done.stderr
+        assert done.stderr.startswith(
+            f"a.nml: &execution scheduler: '{stated}' is not known; allowed 'local', "
+        )
         host.settimeout(0.2)
         with pytest.raises(TimeoutError):
             host.accept()
