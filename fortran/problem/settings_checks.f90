@@ -140,8 +140,6 @@ contains
       character(len=*), parameter :: needs_known(7) = [character(len=20) :: 'ebsd', &
          & 'velocities', 'misalignment_sd_deg', 'orientation_sd_deg', 'likelihood', &
          & 'scale = ''inferred''', '']
-      character(len=*), parameter :: schedulers(3) = [character(len=7) :: 'local', 'slurm', &
-         & 'address']
       integer :: k
       !> Groups of a build.
       character(len=*), parameter :: build_groups(3) = [character(len=9) :: 'design', 'domain', &
@@ -207,10 +205,6 @@ contains
          call check(allocated(settings%knowledge%stiffness_relative_sd) &
             & .and. .not. allocated(settings%knowledge%stiffness_file), 'knowledge', &
             & 'stiffness_relative_sd', 'is only for stiffness_file; state that, or remove it')
-         call check(all(settings%execution%scheduler /= schedulers), 'execution', 'scheduler', &
-            & ''''//settings%execution%scheduler//'''; allowed '''//join(schedulers, ''', ''') &
-            & //'''. Who answers at an address can run code here, so a namelist may not state ' &
-            & //'one: use the option --scheduler ADDRESS')
          call check(design%initial > design%budget, 'design', 'initial', to_text(design%initial) &
             & //' is more than the budget; allowed 0 to '//to_text(design%budget))
          call check(design%candidates == 'latin' .and. design%n_candidates < design%budget, &
