@@ -70,7 +70,7 @@ contains
          real(wp) :: greatest(2)
 
          m = posterior%data%modulus(:size(m))
-         call find_contrast(posterior, mean, contrast, error)
+         call find_contrast(contrast)
          if (allocated(error)) return
          associate (settings => posterior%settings, own => posterior%observable)
             do i = 1, size(modulus_kinds)
@@ -120,35 +120,31 @@ contains
          list = [list, assumption_type(name, condition, size_of, included, &
             & [(sum(shares(j)%by_measurement(:posterior%n_moduli)*change), j=1, size(mean))])]
       end subroutine add
+
+      !> Logarithm of each modulus over its mean over all directions, of the crystal with the mean
+      !> constants.
+      subroutine find_contrast(contrast)
+         !> (modulus).
+         real(wp), intent(out) :: contrast(:)
+         integer, parameter :: directions = 12
+         class(grain_model_type), allocatable :: grains
+         real(wp), allocatable :: euler(:, :), weights(:), moduli(:, :)
+         type(path_type), allocatable :: paths(:)
+         integer :: n
+
+         n = size(contrast)
+         contrast = 0.0_wp
+         if (allocated(posterior%unknown)) return
+         call spread_orientations(posterior%prior%class, directions, euler, weights)
+         allocate (paths(n + size(weights)), moduli(n + size(weights), 1))
+         call posterior%new_grains(reshape([posterior%euler(:, :n), euler], [3, size(paths)]), &
+            & paths, grains, error)
+         if (allocated(error)) return
+         call grains%evaluate_crystals(reshape(posterior%stiffness(mean), [6, 6, 1]), moduli)
+         moduli = log(moduli)
+         contrast = moduli(:n, 1) - dot_product(weights, moduli(n + 1:, 1))
+      end subroutine find_contrast
    end subroutine list_assumptions
-
-   !> Logarithm of each modulus over its mean over all directions, of the crystal with the mean
-   !> constants.
-   subroutine find_contrast(posterior, mean, contrast, error)
-      type(posterior_type), intent(in) :: posterior
-      !> GPa.
-      real(wp), intent(in) :: mean(:)
-      !> (modulus).
-      real(wp), intent(out) :: contrast(:)
-      type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: directions = 12
-      class(grain_model_type), allocatable :: grains
-      real(wp), allocatable :: euler(:, :), weights(:), moduli(:, :)
-      type(path_type), allocatable :: paths(:)
-      integer :: n
-
-      n = size(contrast)
-      contrast = 0.0_wp
-      if (allocated(posterior%unknown)) return
-      call spread_orientations(posterior%prior%class, directions, euler, weights)
-      allocate (paths(n + size(weights)), moduli(n + size(weights), 1))
-      call posterior%new_grains(reshape([posterior%euler(:, :n), euler], [3, size(paths)]), paths, &
-         & grains, error)
-      if (allocated(error)) return
-      call grains%evaluate_crystals(reshape(posterior%stiffness(mean), [6, 6, 1]), moduli)
-      moduli = log(moduli)
-      contrast = moduli(:n, 1) - dot_product(weights, moduli(n + 1:, 1))
-   end subroutine find_contrast
 
    pure function percent(share) result(text)
       real(wp), intent(in) :: share

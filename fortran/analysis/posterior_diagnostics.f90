@@ -88,7 +88,7 @@ contains
       associate (diagnosis => found%diagnosis)
          if (size(diagnosis%rivals) > 0) then
             associate (best => diagnosis%rivals(1))
-               if (best%log_odds > preferred .and. (changes_result(found, best) &
+               if (best%log_odds > preferred .and. (changes_result(best) &
                   & .or. found%is_misfit(unusable_p))) then
                   call found%warn('other_model', explained_text(diagnosis%rivals), [best%log_odds])
                else if (best%log_odds > notable) then
@@ -106,30 +106,31 @@ contains
                & diagnosis%freedom])
          end if
       end associate
+
+   contains
+
+      !> Whether another model moves a determined constant by more than an sd, or has an sd that is
+      !> more than half as large again. Smaller ones matter less: the stated sds are then cautious.
+      logical function changes_result(other)
+         type(explanation_type), intent(in) :: other
+         real(wp), parameter :: greatest_change = 1.5_wp
+         integer :: i, j
+
+         changes_result = .false.
+         do i = 1, found%posterior%n_constants
+            if (verdict_of(found%parameters(i)%mean, found%parameters(i)%sd, found%least_value(), &
+               & found%parameter_shares(i)) /= 'determined') then
+               cycle
+            end if
+            j = findloc(other%names == found%names(i), .true., dim=1)
+            if (j == 0) cycle
+            associate (stated => found%parameters(i))
+               changes_result = changes_result .or. .not. (abs(other%mean(j) - stated%mean) &
+                  & < stated%sd .and. other%sd(j) < greatest_change*stated%sd)
+            end associate
+         end do
+      end function changes_result
    end subroutine check_rivals
-
-   !> Whether another model moves a determined constant by more than an sd, or has an sd that is
-   !> more than half as large again. Smaller ones matter less: the stated sds are then cautious.
-   logical function changes_result(found, other)
-      type(analysis_type), intent(in) :: found
-      type(explanation_type), intent(in) :: other
-      real(wp), parameter :: greatest_change = 1.5_wp
-      integer :: i, j
-
-      changes_result = .false.
-      do i = 1, found%posterior%n_constants
-         if (verdict_of(found%parameters(i)%mean, found%parameters(i)%sd, found%least_value(), &
-            & found%parameter_shares(i)) /= 'determined') then
-            cycle
-         end if
-         j = findloc(other%names == found%names(i), .true., dim=1)
-         if (j == 0) cycle
-         associate (stated => found%parameters(i))
-            changes_result = changes_result .or. .not. (abs(other%mean(j) - stated%mean) &
-               & < stated%sd .and. other%sd(j) < greatest_change*stated%sd)
-         end associate
-      end do
-   end function changes_result
 
    !> The best explanation, others of its group that are nearly as good, and its remedy.
    function explained_text(rivals) result(text)

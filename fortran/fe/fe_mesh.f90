@@ -84,11 +84,6 @@ contains
          call add_layers(plan%stages(i), self)
       end do
       self%x = self%x(:, :self%nodes)
-      self%brick = self%brick(:, :self%bricks)
-      self%material = self%material(:self%bricks)
-      self%class = self%class(:self%bricks)
-      self%scale = self%scale(:self%bricks)
-      self%growth = self%growth(:self%bricks)
       self%representative = self%representative(:self%classes)
       self%hanging = self%hanging(:self%n_hanging)
       self%master = self%master(:, :self%n_hanging)
@@ -156,7 +151,8 @@ contains
       facets = size(quad, 3)
       points = count(self%node_at > 0)
       start = self%x(:, pack(self%node_at, self%node_at > 0))
-      finish = stage_end(stage, start)
+      finish = stage%ratio*start
+      if (stage%radius > 0.0_wp) finish = start*spread(stage%radius/norm2(start, 1), 1, 3)
       allocate (first_class(facets))
       do layer = 1, stage%layers
          do f = 1, facets
@@ -184,21 +180,6 @@ contains
          self%bricks = self%bricks + facets
       end do
    end subroutine add_layers
-
-   !> Positions of the points of a surface at the end of a stage, um.
-   pure function stage_end(stage, start) result(finish)
-      type(mesh_stage_type), intent(in) :: stage
-      !> Positions at the beginning of the stage, um (3, points).
-      real(wp), intent(in) :: start(:, :)
-      real(wp) :: finish(3, size(start, 2))
-      integer :: p
-
-      finish = stage%ratio*start
-      if (.not. stage%radius > 0.0_wp) return
-      do p = 1, size(start, 2)
-         finish(:, p) = start(:, p)*(stage%radius/norm2(start(:, p)))
-      end do
-   end function stage_end
 
    !> Close the mesh by infinite elements, or by clamped nodes at the bottom.
    subroutine close_mesh(plan, self)

@@ -14,40 +14,30 @@ module class_rivals
 
 contains
 
-   !> The class k of the list of all names. A synonym repeats an earlier class and is none.
+   !> The class k of the list of all names, with the default prior. A synonym repeats an earlier
+   !> class and is none.
    subroutine make_class(case, k, rival)
       type(case_type), intent(in) :: case
       integer, intent(in) :: k
       type(rival_type), intent(inout) :: rival
       character(len=:), allocatable :: names(:)
       type(crystal_class_type) :: class
+      type(prior_type) :: prior
+      integer :: i
 
       allocate (names, source=split_list(crystal_class_names()))
       if (k > size(names)) return
       rival%explanation = trim(names(k))//' crystals'
       rival%remedy = 'symmetry = '''//trim(names(k))//''''
       call new_crystal_class(trim(names(k)), class, rival%error)
-      associate (stated => case%problem%class)
-         if (class%name == names(k) .and. class%name /= stated%name &
-            & .and. class%n_constants - stated%n_constants <= stated%n_constants + 1) then
-            call change_class(case, class, rival)
+      associate (own => case%problem%class, stated => case%stated)
+         if (class%name /= names(k) .or. class%name == own%name &
+            & .or. class%n_constants - own%n_constants > own%n_constants + 1) then
+            return
          end if
-      end associate
-   end subroutine make_class
-
-   !> Set the posterior of a class with the default prior, unless knowledge is of constants that the
-   !> class does not have.
-   subroutine change_class(case, class, rival)
-      type(case_type), intent(in) :: case
-      type(crystal_class_type), intent(in) :: class
-      type(rival_type), intent(inout) :: rival
-      type(prior_type) :: prior
-      integer :: i
-
-      associate (stated => case%stated)
+         ! Knowledge may be of constants that the class does not have.
          do i = 1, size(stated%prior%knowledge%mean)
-            call check_quantity(stated%prior%knowledge%quantities(i), class, &
-               & rival%error)
+            call check_quantity(stated%prior%knowledge%quantities(i), class, rival%error)
             if (allocated(rival%error)) return
          end do
          call new_prior(case%surrogate%basis%domain, class, prior_settings_type(), &
@@ -58,5 +48,5 @@ contains
             & case%problem%settings%sampler%surrogate_variance == 'full', stated%data, &
             & rival%posterior, rival%error, stated)
       end associate
-   end subroutine change_class
+   end subroutine make_class
 end module class_rivals

@@ -28,10 +28,31 @@ contains
       if (k > size(columns)) return
       rival%explanation = 'a drift of the moduli with '//trim(columns(k))
       rival%remedy = 'shared_errors with a column of the drift'
-      call read_values(case, trim(columns(k)), values)
+      call read_values()
       if (.not. maxval(values) > minval(values)) return
       values = (values - sum(values)/size(values))/(maxval(values) - minval(values))
       call add_errors(rival, reshape(drift_sd*values, [size(values), 1]))
+
+   contains
+
+      !> Set the values of the column for each compared grain; all the same if there is none.
+      subroutine read_values()
+         type(error_type), allocatable :: error
+         integer :: column, i
+
+         values = 0.0_wp
+         associate (measured => case%problem%data%measurements)
+            column = measured%table%find(trim(columns(k)))
+            do i = 1, size(values)
+               if (column == 0 .and. columns(k) == 'row') values(i) = measured%row(case%points(i))
+               if (column == 0) cycle
+               if (measured%table%is_empty(column, measured%row(case%points(i)))) cycle
+               call measured%table%number(column, measured%row(case%points(i)), values(i), error)
+               if (allocated(error)) exit
+            end do
+         end associate
+         if (allocated(error)) values = 0.0_wp
+      end subroutine read_values
    end subroutine make_drift
 
    !> Sessions: those of the column group, each with a factor; or two, one before and one after a
@@ -74,27 +95,5 @@ contains
          & [size(shared, 1), size(shared, 2) + size(rival%data%shared, 2)])
       rival%differs = .true.
    end subroutine add_errors
-
-   !> A column of the measurements for each compared grain; all the same if there is none.
-   subroutine read_values(case, name, values)
-      type(case_type), intent(in) :: case
-      character(len=*), intent(in) :: name
-      real(wp), intent(out) :: values(:)
-      type(error_type), allocatable :: error
-      integer :: column, i
-
-      values = 0.0_wp
-      associate (measured => case%problem%data%measurements)
-         column = measured%table%find(name)
-         do i = 1, size(values)
-            if (column == 0 .and. name == 'row') values(i) = measured%row(case%points(i))
-            if (column == 0) cycle
-            if (measured%table%is_empty(column, measured%row(case%points(i)))) cycle
-            call measured%table%number(column, measured%row(case%points(i)), values(i), error)
-            if (allocated(error)) exit
-         end do
-      end associate
-      if (allocated(error)) values = 0.0_wp
-   end subroutine read_values
 
 end module drift_rivals

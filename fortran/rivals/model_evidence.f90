@@ -133,7 +133,7 @@ contains
       n = density%dimension
       fit%found = .false.
       do i = 1, most_steps
-         call differentiate(density, fit, height, gradient, hessian)
+         call differentiate()
          if (.not. height > far_below) return
          call symmetric_eigen(hessian, values, error)
          if (allocated(error)) return
@@ -168,47 +168,43 @@ contains
          if (.not. heights(k) > height) exit
          fit%maximum = tried(:, k)
       end do
-   end subroutine climb
-
-   !> Density, gradient, and minus the matrix of second derivatives with respect to z at the point
-   !> of a fit, by central differences.
-   subroutine differentiate(density, fit, height, gradient, hessian)
-      class(target_type), intent(in) :: density
-      type(fit_type), intent(in) :: fit
-      real(wp), intent(out) :: height, gradient(:), hessian(:, :)
-      real(wp), allocatable :: points(:, :), heights(:)
-      integer :: i, j, k, n
-
-      n = size(gradient)
-      allocate (points(n, 1 + n + n**2), heights(1 + n + n**2))
-      points = spread(fit%maximum, 2, size(heights))
-      k = 1
-      do j = 1, n
-         do i = 1, j
-            points(:, k + 1) = points(:, k + 1) + step*displacement(i, j)
-            points(:, k + 2) = points(:, k + 2) - step*displacement(i, j)
-            k = k + 2
-         end do
-      end do
-      call density%evaluate_working(points, heights)
-      heights = max(heights, far_below)
-      height = heights(1)
-      k = 1
-      do j = 1, n
-         do i = 1, j
-            hessian(i, j) = -(heights(k + 1) + heights(k + 2) - 2.0_wp*height)/step**2
-            if (i == j) gradient(j) = (heights(k + 1) - heights(k + 2))/(2.0_wp*step)
-            k = k + 2
-         end do
-      end do
-      do j = 1, n
-         do i = 1, j - 1
-            hessian(i, j) = 0.5_wp*(hessian(i, j) - hessian(i, i) - hessian(j, j))
-            hessian(j, i) = hessian(i, j)
-         end do
-      end do
 
    contains
+
+      !> Set density, gradient, and minus the matrix of second derivatives with respect to z at the
+      !> point of the fit, by central differences.
+      subroutine differentiate()
+         real(wp), allocatable :: points(:, :), heights(:)
+         integer :: i, j, k
+
+         allocate (points(n, 1 + n + n**2), heights(1 + n + n**2))
+         points = spread(fit%maximum, 2, size(heights))
+         k = 1
+         do j = 1, n
+            do i = 1, j
+               points(:, k + 1) = points(:, k + 1) + step*displacement(i, j)
+               points(:, k + 2) = points(:, k + 2) - step*displacement(i, j)
+               k = k + 2
+            end do
+         end do
+         call density%evaluate_working(points, heights)
+         heights = max(heights, far_below)
+         height = heights(1)
+         k = 1
+         do j = 1, n
+            do i = 1, j
+               hessian(i, j) = -(heights(k + 1) + heights(k + 2) - 2.0_wp*height)/step**2
+               if (i == j) gradient(j) = (heights(k + 1) - heights(k + 2))/(2.0_wp*step)
+               k = k + 2
+            end do
+         end do
+         do j = 1, n
+            do i = 1, j - 1
+               hessian(i, j) = 0.5_wp*(hessian(i, j) - hessian(i, i) - hessian(j, j))
+               hessian(j, i) = hessian(i, j)
+            end do
+         end do
+      end subroutine differentiate
 
       !> Along both axes, or along one.
       pure function displacement(i, j) result(d)
@@ -218,7 +214,7 @@ contains
          d = fit%axes(:, j)
          if (i /= j) d = d + fit%axes(:, i)
       end function displacement
-   end subroutine differentiate
+   end subroutine climb
 
    !> Logarithm of the volume that orthogonal or other axes span.
    pure real(wp) function log_volume_of(axes)

@@ -124,7 +124,7 @@ contains
       case%crystal = posterior%stiffness(best)
       case%moduli = case%stated%moduli_at(reshape(best, [size(best), 1]))
       if (posterior%prior%is_cut()) then
-         call find_cuts(case%stated, case%crystal, diagnosis, error)
+         call find_cuts()
          if (allocated(error)) return
       end if
       associate (fit => diagnosis%stated%fit)
@@ -147,6 +147,37 @@ contains
          diagnosis%rivals = pack(diagnosis%rivals, listed)
       end associate
       diagnosis%rivals = diagnosis%rivals(:min(most_listed, size(diagnosis%rivals)))
+
+   contains
+
+      !> Find how much of what the measurements determine without the limits is within the bounds.
+      subroutine find_cuts()
+         !> Relative sd of a constant that the measurements determine.
+         real(wp), parameter :: determined = 0.15_wp
+         type(posterior_type) :: free
+         type(explanation_type) :: found
+         real(wp), allocatable :: x(:, :)
+         integer :: i, j
+
+         ! Knowledge may contradict the measurements by itself.
+         call without_knowledge(case%stated, free, error)
+         if (allocated(error)) return
+         free%prior = free%prior%without_limits()
+         call fit_model(free, case%crystal, .true., .false., found%fit)
+         if (.not. found%fit%found) return
+         call set_moments(free, found)
+         allocate (x(free%dimension, size(found%fit%weights)))
+         do i = 1, size(x, 2)
+            x(:, i) = constants_at(free, found%fit%draws(:, i))
+         end do
+         do j = 1, size(found%mean)
+            if (found%sd(j) > determined*abs(found%mean(j))) cycle
+            associate (prior => case%stated%prior)
+               diagnosis%share_within(j) = sum(found%fit%weights, &
+                  & mask=x(j, :) >= prior%lower(j) .and. x(j, :) <= prior%upper(j))
+            end associate
+         end do
+      end subroutine find_cuts
    end subroutine compare_rivals
 
    !> Set chi-square at a point of high density, with the errors that the moduli share.
@@ -181,37 +212,6 @@ contains
          diagnosis%factor = sqrt(chi_square/freedom)
       end associate
    end subroutine set_misfit
-
-   !> Find how much of what the measurements determine without the limits is within the bounds.
-   subroutine find_cuts(stated, crystal, diagnosis, error)
-      type(posterior_type), intent(in) :: stated
-      real(wp), intent(in) :: crystal(6, 6)
-      type(diagnosis_type), intent(inout) :: diagnosis
-      type(error_type), allocatable, intent(out) :: error
-      !> Relative sd of a constant that the measurements determine.
-      real(wp), parameter :: determined = 0.15_wp
-      type(posterior_type) :: free
-      type(explanation_type) :: found
-      real(wp), allocatable :: x(:, :)
-      integer :: i, j
-
-      ! Knowledge may contradict the measurements by itself.
-      call without_knowledge(stated, free, error)
-      if (allocated(error)) return
-      free%prior = free%prior%without_limits()
-      call fit_model(free, crystal, .true., .false., found%fit)
-      if (.not. found%fit%found) return
-      call set_moments(free, found)
-      allocate (x(free%dimension, size(found%fit%weights)))
-      do i = 1, size(x, 2)
-         x(:, i) = constants_at(free, found%fit%draws(:, i))
-      end do
-      do j = 1, size(found%mean)
-         if (found%sd(j) > determined*abs(found%mean(j))) cycle
-         diagnosis%share_within(j) = sum(found%fit%weights, mask=x(j, :) >= stated%prior%lower(j) &
-            & .and. x(j, :) <= stated%prior%upper(j))
-      end do
-   end subroutine find_cuts
 
    !> Turn evidences into posterior odds, and sort them.
    subroutine weigh(diagnosis)
@@ -296,7 +296,7 @@ contains
          call make_rival(case, row, k, rival, error)
          if (allocated(error) .or. .not. allocated(rival%explanation)) exit
          if (.not. allocated(rival%posterior)) cycle
-         if (is_equal(case, row, rival, new, diagnosis)) cycle
+         if (is_equal()) cycle
          members = members + 1
          new%row = place
          new%number = k
@@ -325,36 +325,32 @@ contains
       if (.not. allocated(best%explanation)) return
       best%fit%log_z = best%fit%log_z + log(total/members)
       diagnosis%rivals = [diagnosis%rivals, best]
+
+   contains
+
+      !> Whether other orientations predict the same moduli as the stated ones, or as those of an
+      !> earlier rival, which then is both. Those of `new` are set.
+      logical function is_equal()
+         integer :: i
+
+         is_equal = .false.
+         if (row%group /= 'orientations' .or. allocated(rival%posterior%unknown)) return
+         new%moduli = rival%posterior%moduli_at(reshape(case%stated%prior%class%constants_of( &
+            & case%crystal), [case%stated%n_constants, 1]))
+         is_equal = are_alike(new%moduli, case%moduli)
+         if (is_equal) return
+         do i = 1, size(diagnosis%rivals)
+            associate (other => diagnosis%rivals(i))
+               if (.not. allocated(other%moduli)) cycle
+               if (.not. are_alike(new%moduli, other%moduli)) cycle
+               is_equal = .true.
+               other%explanation = other%explanation//', or '//rival%explanation
+               other%merged = other%merged + 1
+               return
+            end associate
+         end do
+      end function is_equal
    end subroutine add_row
-
-   !> Whether other orientations predict the same moduli as the stated ones, or as those of an
-   !> earlier rival, which then is both.
-   logical function is_equal(case, row, rival, new, diagnosis)
-      type(case_type), intent(in) :: case
-      type(row_type), intent(in) :: row
-      type(rival_type), intent(in) :: rival
-      !> Its moduli are set.
-      type(explanation_type), intent(inout) :: new
-      type(diagnosis_type), intent(inout) :: diagnosis
-      integer :: i
-
-      is_equal = .false.
-      if (row%group /= 'orientations' .or. allocated(rival%posterior%unknown)) return
-      new%moduli = rival%posterior%moduli_at(reshape(case%stated%prior%class%constants_of( &
-         & case%crystal), [case%stated%n_constants, 1]))
-      is_equal = are_alike(new%moduli, case%moduli)
-      if (is_equal) return
-      do i = 1, size(diagnosis%rivals)
-         associate (other => diagnosis%rivals(i))
-            if (.not. allocated(other%moduli)) cycle
-            if (.not. are_alike(new%moduli, other%moduli)) cycle
-            is_equal = .true.
-            other%explanation = other%explanation//', or '//rival%explanation
-            other%merged = other%merged + 1
-            return
-         end associate
-      end do
-   end function is_equal
 
    pure logical function are_alike(a, b)
       real(wp), intent(in) :: a(:, :), b(:, :)

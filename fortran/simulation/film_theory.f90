@@ -5,7 +5,7 @@ module film_theory
    use crystal_class, only: crystal_class_type, new_crystal_class
    use crystal_elasticity, only: check_stiffness, isotropic_stiffness, rotate_stiffness, &
       & rotation_matrix
-   use errors, only: error_type, locate_error, refuse
+   use errors, only: error_type, locate_error, prefix_error, refuse
    use fe_indentation, only: least_elements
    use indenters, only: indenter_type, new_indenter
    use kinds, only: degree, wp
@@ -61,25 +61,22 @@ contains
       type(film_type), intent(out) :: films(:)
       type(error_type), allocatable, intent(out) :: error
       type(specimen_type) :: specimen
-      type(error_type), allocatable :: own_error, errors(:)
+      type(error_type), allocatable :: own_error
+      logical :: failed(size(films))
       integer :: i
 
       call new_specimen(problem, specimen, error)
       if (allocated(error)) return
-      allocate (errors(size(films)))
       !$omp parallel do num_threads(threads) schedule(dynamic) private(own_error)
       do i = 1, size(films)
-         errors(i)%message = ''
          call indent_film(specimen, stiffness(:, :, i), degree*euler_deg(:, i), films(i), own_error)
-         if (allocated(own_error)) errors(i) = own_error
+         failed(i) = allocated(own_error)
       end do
       !$omp end parallel do
-      do i = 1, size(films)
-         if (len(errors(i)%message) == 0) cycle
-         allocate (error, source=errors(i))
-         error%message = 'crystal '//to_text(i)//': '//error%message
-         return
-      end do
+      i = findloc(failed, .true., dim=1)
+      if (i == 0) return
+      call indent_film(specimen, stiffness(:, :, i), degree*euler_deg(:, i), films(i), error)
+      call prefix_error(error, 'crystal '//to_text(i)//': ')
    end subroutine indent_films
 
    !> Young's modulus, GPa, of an isotropic crystal whose film has this modulus, about; that of a
@@ -191,58 +188,60 @@ contains
                call require(film_name, 'thickness_um', stated%thickness_um, film%thickness(1), &
                   & error)
                if (size(film%c, 3) > 1 .and. .not. allocated(error)) then
-                  call find_substrate(stated, film%c(:, :, 2), error)
+                  call find_substrate(stated, film%c(:, :, 2))
                end if
             end if
          end associate
          call locate_error(error, '', 'specimen')
       end if
       call problem%locate('', '', error)
-   end subroutine new_specimen
 
-   !> Stiffness of the substrate in sample axes, GPa.
-   subroutine find_substrate(stated, stiffness, error)
-      type(specimen_settings_type), intent(in) :: stated
-      real(wp), intent(out) :: stiffness(6, 6)
-      type(error_type), allocatable, intent(out) :: error
-      type(crystal_class_type) :: class
-      real(wp) :: young
+   contains
 
-      stiffness = 0.0_wp
-      if (.not. allocated(stated%substrate_symmetry)) then
-         if (allocated(stated%substrate_constants)) then
-            call refuse(error, 'the variable is missing; substrate_constants needs it', &
-               & variable='substrate_symmetry')
+      !> Stiffness of the substrate in sample axes, GPa.
+      subroutine find_substrate(stated, stiffness)
+         type(specimen_settings_type), intent(in) :: stated
+         real(wp), intent(out) :: stiffness(6, 6)
+         type(crystal_class_type) :: class
+         real(wp) :: young
+
+         stiffness = 0.0_wp
+         if (.not. allocated(stated%substrate_symmetry)) then
+            if (allocated(stated%substrate_constants)) then
+               call refuse(error, 'the variable is missing; substrate_constants needs it', &
+                  & variable='substrate_symmetry')
+               return
+            end if
+            call require(film_name, 'substrate_young_gpa', stated%substrate_young_gpa, young, error)
+            if (.not. allocated(error)) stiffness = isotropic_stiffness(young, stated%substrate_nu)
             return
          end if
-         call require(film_name, 'substrate_young_gpa', stated%substrate_young_gpa, young, error)
-         if (.not. allocated(error)) stiffness = isotropic_stiffness(young, stated%substrate_nu)
-         return
-      end if
-      call new_crystal_class(stated%substrate_symmetry, class, error)
-      call locate_error(error, '', variable='substrate_symmetry')
-      if (allocated(error)) return
-      if (allocated(stated%substrate_young_gpa)) then
-         call refuse(error, 'is for an isotropic substrate; remove it, or substrate_symmetry', &
-            & variable='substrate_young_gpa')
-      else if (.not. allocated(stated%substrate_constants)) then
-         call refuse(error, 'the variable is missing; substrate_symmetry needs it', &
-            & variable='substrate_constants')
-      else if (size(stated%substrate_constants) /= size(class%constants)) then
-         call refuse(error, to_text(size(stated%substrate_constants))//' values; ' &
-            & //to_text(class%n_constants)//' are needed: '//join(class%constants, ', '), &
-            & variable='substrate_constants')
-      else
-         stiffness = class%stiffness(stated%substrate_constants)
-         call check_stiffness(stiffness, error)
-         call locate_error(error, '', variable='substrate_constants')
-      end if
-      if (allocated(error) .or. .not. allocated(stated%substrate_euler_deg)) return
-      if (size(stated%substrate_euler_deg) /= 3) then
-         call refuse(error, to_text(size(stated%substrate_euler_deg))//' values; 3 are needed: ' &
-            & //'phi1, Phi, phi2', variable='substrate_euler_deg')
-         return
-      end if
-      stiffness = rotate_stiffness(stiffness, rotation_matrix(degree*stated%substrate_euler_deg))
-   end subroutine find_substrate
+         call new_crystal_class(stated%substrate_symmetry, class, error)
+         call locate_error(error, '', variable='substrate_symmetry')
+         if (allocated(error)) return
+         if (allocated(stated%substrate_young_gpa)) then
+            call refuse(error, 'is for an isotropic substrate; remove it, or substrate_symmetry', &
+               & variable='substrate_young_gpa')
+         else if (.not. allocated(stated%substrate_constants)) then
+            call refuse(error, 'the variable is missing; substrate_symmetry needs it', &
+               & variable='substrate_constants')
+         else if (size(stated%substrate_constants) /= size(class%constants)) then
+            call refuse(error, to_text(size(stated%substrate_constants))//' values; ' &
+               & //to_text(class%n_constants)//' are needed: '//join(class%constants, ', '), &
+               & variable='substrate_constants')
+         else
+            stiffness = class%stiffness(stated%substrate_constants)
+            call check_stiffness(stiffness, error)
+            call locate_error(error, '', variable='substrate_constants')
+         end if
+         if (allocated(error) .or. .not. allocated(stated%substrate_euler_deg)) return
+         if (size(stated%substrate_euler_deg) /= 3) then
+            call refuse(error, to_text(size(stated%substrate_euler_deg))//' values; 3 are ' &
+               & //'needed: phi1, Phi, phi2', variable='substrate_euler_deg')
+            return
+         end if
+         stiffness = rotate_stiffness(stiffness, rotation_matrix(degree*stated%substrate_euler_deg))
+      end subroutine find_substrate
+   end subroutine new_specimen
+
 end module film_theory

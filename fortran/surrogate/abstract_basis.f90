@@ -88,17 +88,17 @@ module abstract_basis
       end subroutine evaluate_many_interface
 
       !> Make a grain model, without grains yet, of a surrogate with this posterior.
-      subroutine new_grain_model_interface(self, class, coefficients, covariance, trained, model, &
-         & error)
+      subroutine new_grain_model_interface(self, class, coefficients, covariance, trained, &
+         & trained_euler_deg, model, error)
          import
          class(basis_type), intent(in) :: self
          !> Class of the crystals that will be evaluated.
          type(crystal_class_type), intent(in) :: class
          !> Posterior mean (n_terms); covariance (n_terms, n_terms), or of size 0 if it is left out.
          real(wp), intent(in) :: coefficients(:), covariance(:, :)
-         !> Constants of the domain's class, GPa, and Bunge-Euler angles, degrees, of crystals on
-         !> which the surrogate was trained, (n_constants + 3, n).
-         real(wp), intent(in) :: trained(:, :)
+         !> Crystals on which the surrogate was trained: constants of the domain's class, GPa,
+         !> (n_constants, n), and Bunge-Euler angles, degrees, (3, n).
+         real(wp), intent(in) :: trained(:, :), trained_euler_deg(:, :)
          class(grain_model_type), allocatable, intent(out) :: model
          type(error_type), allocatable, intent(out) :: error
       end subroutine new_grain_model_interface

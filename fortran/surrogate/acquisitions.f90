@@ -1,19 +1,16 @@
 !> The rules that choose the next simulation, by the variance of M or of log M under the posterior.
 module acquisitions
    use abstract_basis, only: basis_type
-   use errors, only: error_type, refuse
+   use errors, only: error_type
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor, cholesky_solve, dot, gram_of, multiply
    use sequential_design, only: condition_on_candidate, design_type, quadratic_forms, tie
    implicit none
    private
-   public :: acquisition_type, acquisition_names, new_acquisition
+   public :: acquisition_type
 
-   !> Names of the rules. A new rule needs its name here, a case in `new_acquisition` and a gain in
-   !> `choose`.
-   character(len=*), parameter :: acquisition_names = 'imse, variance'
-
-   !> A rule. By default the candidate of largest predictive variance is chosen (paper's section
+   !> A rule of &design `variance_of`; a new one needs a component here and a gain in `choose`. By
+   !> default the candidate of largest predictive variance is chosen (paper's section
    !> 2.1; active learning, MacKay 1992).
    type :: acquisition_type
       !> Whether the candidate is chosen that most lowers the mean predictive variance over all
@@ -26,21 +23,6 @@ module acquisitions
    end type acquisition_type
 
 contains
-
-   !> Make a rule by its name.
-   subroutine new_acquisition(name, rule, error)
-      character(len=*), intent(in) :: name
-      type(acquisition_type), intent(out) :: rule
-      type(error_type), allocatable, intent(out) :: error
-
-      select case (name)
-      case ('imse')
-         rule%lowers_mean = .true.
-      case ('variance')
-      case default
-         call refuse(error, 'variance_of: '''//name//''' is unknown; allowed: '//acquisition_names)
-      end select
-   end subroutine new_acquisition
 
    !> Choose `size(chosen)` of the available candidates, each given all that were chosen before; of
    !> those of equal gain that with the lowest number. As many must be available. The moduli of the

@@ -174,11 +174,13 @@ contains
       x = axial_coordinates_of(matmul(turn, matmul(matrix, transpose(turn))))
    end function turned_coordinates
 
-   subroutine new_grain_model(self, class, coefficients, covariance, trained, model, error)
+   subroutine new_grain_model(self, class, coefficients, covariance, trained, &
+      & trained_euler_deg, model, error)
       class(correction_basis_type), intent(in) :: self
       type(crystal_class_type), intent(in) :: class
       !> (n_terms); (n_terms, n_terms), or of size 0.
-      real(wp), intent(in) :: coefficients(:), covariance(:, :), trained(:, :)
+      real(wp), intent(in) :: coefficients(:), covariance(:, :), trained(:, :), &
+         & trained_euler_deg(:, :)
       class(grain_model_type), allocatable, intent(out) :: model
       type(error_type), allocatable, intent(out) :: error
       type(correction_grain_model_type), allocatable :: new
@@ -217,9 +219,8 @@ contains
          left_out = variance_left_out(1)
          if (self%settings%model == 'film') then
             left_out = variance_left_out(2)
-            n = size(trained, 1)
-            constants = trained(:n - 3, :)
-            euler_deg = trained(n - 2:, :)
+            constants = trained
+            euler_deg = trained_euler_deg
          else
             domain = self%domain
             domain%members = class%name

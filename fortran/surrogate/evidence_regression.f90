@@ -92,15 +92,6 @@ contains
       call whiten(regression)
    end subroutine set_decay_rate
 
-   !> Change the noise of derivatives. The posterior is not computed anew.
-   subroutine set_slope_noise(regression, slope_noise)
-      type(regression_type), intent(inout) :: regression
-      real(wp), intent(in) :: slope_noise
-
-      regression%slope_noise = slope_noise
-      call whiten(regression)
-   end subroutine set_slope_noise
-
    !> Whiten all data. The bits do not depend on earlier widths and noises.
    pure subroutine whiten(regression)
       type(regression_type), intent(inout) :: regression
@@ -206,11 +197,13 @@ contains
       if (decays) call set_decay_rate(regression, exp(best_rate))
       do i = 1, merge(n_noises, 0, any(regression%is_slope))
          log_rate = best_rate
-         call set_slope_noise(regression, exp(least_log_noise + log_noise_step*(i - 1)))
+         regression%slope_noise = exp(least_log_noise + log_noise_step*(i - 1))
+         call whiten(regression)
          call try_present()
          if (allocated(error)) return
       end do
-      call set_slope_noise(regression, best_noise)
+      regression%slope_noise = best_noise
+      call whiten(regression)
       regression%beta = best_beta(best, best_ratio, regression%least_noise)
       regression%alpha = best_ratio*regression%beta
       call compute_posterior(regression, error, best%gram)

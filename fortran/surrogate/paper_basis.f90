@@ -119,14 +119,15 @@ contains
       end do
    end subroutine evaluate_many
 
-   subroutine new_grain_model(self, class, coefficients, covariance, trained, model, error)
+   subroutine new_grain_model(self, class, coefficients, covariance, trained, &
+      & trained_euler_deg, model, error)
       class(paper_basis_type), intent(in) :: self
       !> Class of the domain.
       type(crystal_class_type), intent(in) :: class
       !> (n_terms); (n_terms, n_terms), or of size 0.
       real(wp), intent(in) :: coefficients(:), covariance(:, :)
       !> Not used.
-      real(wp), intent(in) :: trained(:, :)
+      real(wp), intent(in) :: trained(:, :), trained_euler_deg(:, :)
       class(grain_model_type), allocatable, intent(out) :: model
       type(error_type), allocatable, intent(out) :: error
       type(paper_grain_model_type), allocatable :: new

@@ -61,8 +61,7 @@ module surrogate_model
    end type surrogate_type
 
    character(len=*), parameter :: label = 'bayesindent-surrogate'
-   !> Version of the format, and that before, which has no derivatives.
-   integer, parameter :: version = 5, former_version = 4
+   integer, parameter :: version = 5
 
    !> The surrogate that needs no simulation and no file.
    character(len=*), parameter :: theory_name = 'halfspace'
@@ -209,24 +208,15 @@ contains
       integer, intent(in), optional :: field_degree
       !> Number of the latest crystals that represent those of the training.
       integer, parameter :: most_trained = 500
-      real(wp), allocatable :: covariance(:, :), trained(:, :)
-      integer :: n, first
+      real(wp), allocatable :: covariance(:, :)
 
       allocate (covariance(0, 0))
       if (with_covariance) covariance = surrogate%covariance
-      allocate (trained(3, 0))
-      associate (known => surrogate%simulations)
-         if (allocated(known%modulus)) then
-            n = size(known%modulus)
-            first = max(1, n + 1 - most_trained)
-            trained = reshape([real(wp) ::], [size(known%constants, 1) + 3, n + 1 - first], &
-               & [0.0_wp])
-            trained(:size(known%constants, 1), :) = known%constants(:, first:)
-            trained(size(known%constants, 1) + 1:, :) = known%euler_deg(:, first:)
-         end if
+      associate (known => surrogate%simulations, &
+         & first => max(1, size(surrogate%simulations%modulus) + 1 - most_trained))
+         call surrogate%basis%new_grain_model(class, surrogate%coefficients, covariance, &
+            & known%constants(:, first:), known%euler_deg(:, first:), model, error)
       end associate
-      call surrogate%basis%new_grain_model(class, surrogate%coefficients, covariance, trained, &
-         & model, error)
       if (allocated(error)) return
       if (present(field_degree)) model%field_degree = field_degree
       call model%set_grains(euler, error)
@@ -289,27 +279,20 @@ contains
    subroutine check_replaceable(path, error)
       character(len=*), intent(in) :: path
       type(error_type), allocatable, intent(out) :: error
+      character(len=:), allocatable :: content
+      type(error_type), allocatable :: unreadable
 
       if (is_folder(path)) then
          call refuse(error, 'is a folder; the surrogate is a file')
       else if (file_exists(path)) then
-         if (.not. is_surrogate(path)) then
+         call read_bytes(path, content, unreadable)
+         if (index(content, label//' ') /= 1) then
             call refuse(error, 'is there and is not a surrogate, so it is not replaced; give the ' &
                & //'surrogate another name')
          end if
       end if
       call locate_error(error, path)
    end subroutine check_replaceable
-
-   !> Whether a file begins as a surrogate does.
-   logical function is_surrogate(path)
-      character(len=*), intent(in) :: path
-      character(len=:), allocatable :: content
-      type(error_type), allocatable :: error
-
-      call read_bytes(path, content, error)
-      is_surrogate = index(content, label//' ') == 1
-   end function is_surrogate
 
    !> Write a surrogate in the order of the file, or read and check it.
    subroutine exchange_surrogate(surrogate, file)
@@ -322,7 +305,7 @@ contains
       if (.not. file%reading) name = surrogate%basis%settings%model
       number = version
       call file%integer(label, number)
-      if (all([version, former_version] /= number)) then
+      if (number /= version) then
          call file%fail('it has version '//to_text(number)//' of the format, not ' &
             & //to_text(version)//'; build it anew')
       end if
@@ -347,7 +330,7 @@ contains
       call file%reals('coefficients', surrogate%coefficients)
       call exchange_covariance()
       call exchange_simulations(surrogate%simulations, &
-         & surrogate%basis%domain%class%n_constants, number == version, file)
+         & surrogate%basis%domain%class%n_constants, file)
       call file%lines('provenance', surrogate%provenance)
       if (file%reading .and. .not. allocated(file%error)) call check_values(file%error)
 
@@ -408,12 +391,10 @@ contains
    end subroutine exchange_surrogate
 
    !> Write or read the simulations of a surrogate.
-   subroutine exchange_simulations(simulations, n_constants, with_derivatives, file)
+   subroutine exchange_simulations(simulations, n_constants, file)
       type(simulations_type), intent(inout) :: simulations
       !> Of the class of the crystals.
       integer, intent(in) :: n_constants
-      !> Whether the format has derivatives.
-      logical, intent(in) :: with_derivatives
       type(labelled_values_type), intent(inout) :: file
       real(wp), allocatable :: constants(:), euler_deg(:), by_stiffness(:)
       integer :: n
@@ -429,7 +410,7 @@ contains
       call file%reals('simulated_constants', constants)
       call file%reals('simulated_euler_deg', euler_deg)
       call file%reals('simulated_modulus_gpa', simulations%modulus)
-      if (with_derivatives) call file%reals('simulated_by_stiffness', by_stiffness)
+      call file%reals('simulated_by_stiffness', by_stiffness)
       if (allocated(file%error) .or. .not. file%reading) return
       n = size(simulations%modulus)
       if (any([size(constants), size(euler_deg)] /= [n_constants, 3]*n)) then

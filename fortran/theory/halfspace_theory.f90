@@ -16,7 +16,7 @@
 !> being means of (nn)^-1, so that the 3 x 3 inverses below need no pivots.
 module halfspace_theory
    use crystal_elasticity, only: check_stiffness, rotate_stiffness, rotation_matrix, voigt_index
-   use errors, only: error_type, raise
+   use errors, only: error_type, prefix_error, raise
    use kinds, only: degree, pi, wp
    use text, only: to_text
    implicit none
@@ -73,7 +73,11 @@ contains
       real(wp), intent(in) :: c(6, 6), euler(3)
       type(halfspace_type), intent(out) :: result
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: turned(6, 6), h(finest), shape(2), change
+      real(wp) :: turned(6, 6), shape(2), change, mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), &
+         & f(lanes, 6)
+      !> h(theta) of the displacement u_z = h/r by a unit normal point force, 1/GPa. theta is
+      !> measured from sample x in the surface.
+      real(wp) :: h(finest)
       integer :: done, n
 
       call check_stiffness(c, error)
@@ -83,8 +87,11 @@ contains
       shape = 0.0_wp
       n = coarsest
       do while (n <= finest)
-         call extend_grid(turned, done, h(:n))
-         done = n
+         do done = done, n - lanes, lanes
+            call surface_contractions(turned, done, mm, mn, nn)
+            call inverse_barnett(mm, mn, nn, f)
+            h(done + 1:done + lanes) = f(:, 3)
+         end do
          call fit_contact_ellipse(h(:n), shape, result, change)
          if (change <= tolerance .and. tail(h(:n)) <= allowed_tail) return
          n = 2*n
@@ -118,25 +125,8 @@ contains
       i = findloc(failed, .true., dim=1)
       if (i == 0) return
       call halfspace_modulus(stiffness(:, :, i), degree*euler_deg(:, i), result, error)
-      error%message = 'crystal '//to_text(i)//': '//error%message
+      call prefix_error(error, 'crystal '//to_text(i)//': ')
    end subroutine halfspace_moduli
-
-   !> h(theta) of the displacement u_z = h/r by a unit normal point force, 1/GPa, in the directions
-   !> after the first `done`. theta is measured from sample x in the surface.
-   pure subroutine extend_grid(c, done, h)
-      !> Stiffness in sample axes, GPa.
-      real(wp), intent(in) :: c(6, 6)
-      integer, intent(in) :: done
-      real(wp), intent(inout) :: h(:)
-      real(wp) :: mm(lanes, 6), mn(lanes, 9), nn(lanes, 6), f(lanes, 6)
-      integer :: block
-
-      do block = done, size(h) - lanes, lanes
-         call surface_contractions(c, block, mm, mn, nn)
-         call inverse_barnett(mm, mn, nn, f)
-         h(block + 1:block + lanes) = f(:, 3)
-      end do
-   end subroutine extend_grid
 
    !> The contractions (mm), (mn) and (nn) of the directions after the first `done`: n is z, and m,
    !> in the surface, is perpendicular to the direction.

@@ -63,8 +63,10 @@ contains
       !> Relative size of the change of f at the end of the range.
       real(wp), intent(in) :: precision
       type(compliance_type), intent(out) :: compliance
+      !> Decays of the mean solution by which the slowest one is found.
+      real(wp), parameter :: many = 60.0_wp
       type(medium_type), allocatable :: media(:, :)
-      real(wp) :: x(0:n)
+      real(wp) :: x(0:n), s
       complex(wp) :: base(3, 3)
       integer :: i, j
 
@@ -80,13 +82,49 @@ contains
          compliance%weight(::i, i) = 2.0_wp*x(::i)*clenshaw_curtis(n/i)
       end do
       do j = 1, directions
-         compliance%range(j) = -0.5_wp*log(precision)/(decay(media(j, 1))*layers%thickness(1))
+         ! The decay of the slowest solution per wave number and depth, from the size of exp(M s) at
+         ! a large s, is at most a tenth too small.
+         s = -many/real(media(j, 1)%mean)
+         compliance%range(j) = -0.5_wp*log(precision) &
+            & /(-log(maxval(abs(exponential(media(j, 1), s))))/s*layers%thickness(1))
          compliance%wave_number(:, j) = compliance%range(j)*x**2
          base = 0.0_wp
          if (size(media, 2) > size(layers%thickness)) base = inverse(media(j, size(media, 2))%z)
-         call join_layers(media(j, :), layers%thickness, base, compliance%wave_number(:, j), &
-            & compliance%short(j), compliance%change(:, j))
+         call join_layers(media(j, :), compliance%wave_number(:, j), compliance%short(j), &
+            & compliance%change(:, j))
       end do
+
+   contains
+
+      !> f of the layers in one direction.
+      pure subroutine join_layers(media, wave_number, short, change)
+         type(medium_type), intent(in) :: media(:)
+         real(wp), intent(in) :: wave_number(0:)
+         real(wp), intent(out) :: short, change(0:)
+         complex(wp), dimension(3, 3) :: below, reflection, bottom, returned, e, y, outer
+         integer :: k, layer
+
+         y = inverse(media(1)%z)
+         short = real(y(3, 3))
+         outer = identity + matmul(y, conjg(media(1)%z))
+         associate (thickness => layers%thickness)
+            bottom = reflect(media(size(thickness))%z, base)
+            do k = 0, n
+               below = base
+               do layer = size(thickness), 1, -1
+                  associate (z => media(layer)%z)
+                     reflection = bottom
+                     if (layer < size(thickness)) reflection = reflect(z, below)
+                     e = exponential(media(layer), wave_number(k)*thickness(layer))
+                     returned = matmul(conjg(e), matmul(reflection, e))
+                     y = inverse(z - matmul(conjg(z), returned))
+                     if (layer > 1) below = matmul(identity + returned, y)
+                  end associate
+               end do
+               change(k) = real(sum(matmul(outer(3, :), returned)*y(:, 3)))
+            end do
+         end associate
+      end subroutine join_layers
    end subroutine new_compliance
 
    !> Weights of Clenshaw and Curtis on 0 .. 1, exact for polynomials of degree n, of the nodes
@@ -144,49 +182,6 @@ contains
          end do
       end do
    end subroutine find_media
-
-   !> Decay of the slowest solution per wave number and depth, from the size of exp(M s) at a large
-   !> s: at most a tenth too small.
-   pure real(wp) function decay(medium)
-      type(medium_type), intent(in) :: medium
-      !> Decays of the mean solution.
-      real(wp), parameter :: many = 60.0_wp
-      real(wp) :: s
-
-      s = -many/real(medium%mean)
-      decay = -log(maxval(abs(exponential(medium, s))))/s
-   end function decay
-
-   !> f of layers in one direction.
-   pure subroutine join_layers(media, thickness, base, wave_number, short, change)
-      type(medium_type), intent(in) :: media(:)
-      real(wp), intent(in) :: thickness(:)
-      !> Compliance of the half-space below.
-      complex(wp), intent(in) :: base(3, 3)
-      real(wp), intent(in) :: wave_number(:)
-      real(wp), intent(out) :: short, change(:)
-      complex(wp), dimension(3, 3) :: compliance, reflection, bottom, returned, e, y, outer
-      integer :: k, layer
-
-      y = inverse(media(1)%z)
-      short = real(y(3, 3))
-      outer = identity + matmul(y, conjg(media(1)%z))
-      bottom = reflect(media(size(thickness))%z, base)
-      do k = 1, size(wave_number)
-         compliance = base
-         do layer = size(thickness), 1, -1
-            associate (medium => media(layer))
-               reflection = bottom
-               if (layer < size(thickness)) reflection = reflect(medium%z, compliance)
-               e = exponential(medium, wave_number(k)*thickness(layer))
-               returned = matmul(conjg(e), matmul(reflection, e))
-               y = inverse(medium%z - matmul(conjg(medium%z), returned))
-               if (layer > 1) compliance = matmul(identity + returned, y)
-               if (layer == 1) change(k) = real(sum(matmul(outer(3, :), returned)*y(:, 3)))
-            end associate
-         end do
-      end do
-   end subroutine join_layers
 
    !> Growing displacement at the bottom of a layer from the decaying one.
    pure function reflect(z, compliance) result(reflection)

@@ -293,7 +293,7 @@ contains
       longest = first_step
       do k = 1, most_steps
          call integrate(compliance, profile, terms, coarse, stride, shape, matrices)
-         call find_equations(terms, matrices, contact, residual, jacobian, drift, force, found)
+         call find_equations(contact, residual, jacobian, drift, force, found)
          if (.not. found) return
          jacobian = real(inverse(cmplx(jacobian, kind=wp)))
          contact%stiffness = contact%stiffness - sum(force*matmul(jacobian, drift))
@@ -307,7 +307,7 @@ contains
          end do
          if (maxval(abs(step)) <= last_step) then
             contact%force = contact%force + sum(force*step)
-            call find_radius(terms, matrices, shape, contact)
+            call find_radius(contact)
             shape = shape + step
             return
          end if
@@ -315,81 +315,77 @@ contains
          before = step
       end do
       found = .false.
+
+   contains
+
+      !> The three equations of the shape, and their derivatives by the shape and by the depth;
+      !> force and stiffness at a fixed shape, and derivatives of the force by the shape.
+      pure subroutine find_equations(contact, residual, jacobian, drift, force, found)
+         type(contact_type), intent(inout) :: contact
+         real(wp), intent(out) :: residual(3), jacobian(3, 3), drift(3), force(3)
+         !> Whether the compliance is positive.
+         logical, intent(out) :: found
+         !> Residuals, the product A^-1 of what a name says, and the pressures with a last one of 1.
+         real(wp) :: l(terms%n, terms%n), rest(0:terms%n + 1, 3), mean(terms%n), edge(terms%n), &
+            & y(0:terms%n + 1)
+         integer :: i
+
+         residual = 0.0_wp
+         jacobian = 0.0_wp
+         drift = 0.0_wp
+         force = 0.0_wp
+         associate (n => terms%n, a => matrices%a)
+            l = a(1:n, 1:n)
+            call factor_definite(l, 0.0_wp, found)
+            if (.not. found) return
+            y(0) = 0.0_wp
+            y(1:n) = contact%depth*terms%mean(1:n) - a(1:n, n + 1)
+            y(n + 1) = 1.0_wp
+            call solve_lower(l, y(1:n))
+            call solve_upper(l, y(1:n))
+            mean = terms%mean(1:n)
+            edge = a(1:n, 0)
+            contact%force = sum(mean*y(1:n))
+            residual(1) = contact%depth*terms%mean(0) - sum(a(:, 0)*y)
+            call solve_lower(l, mean)
+            call solve_lower(l, edge)
+            do i = 1, 3
+               rest(:, i) = -matmul(matrices%first(:, :, i), y)
+               if (i > 1) residual(i) = 0.5_wp*sum(rest(:, i)*y)
+               call solve_lower(l, rest(1:n, i))
+            end do
+            contact%stiffness = sum(mean**2)
+            force = matmul(mean, rest(1:n, :))
+            drift = [terms%mean(0) - sum(edge*mean), force(2:)]
+            do i = 1, size(left)
+               jacobian(right(i), left(i)) = sum(rest(1:n, left(i))*rest(1:n, right(i))) &
+                  & - 0.5_wp*sum(y*matmul(matrices%second(:, :, i), y))
+            end do
+            jacobian(2, 3) = jacobian(3, 2)
+            jacobian(1, :) = rest(0, :) - matmul(edge, rest(1:n, :))
+         end associate
+      end subroutine find_equations
+
+      !> Radius of a contact. The stiffness of a flat punch that has the shape of the contact is
+      !> that of the contact, and of all quantities it depends most on the size.
+      pure subroutine find_radius(contact)
+         type(contact_type), intent(inout) :: contact
+         real(wp), dimension(0:terms%n, 0:terms%n) :: l, slope
+         real(wp) :: y(0:terms%n), growth
+
+         associate (n => terms%n)
+            l = matrices%a(:n, :n)
+            slope = matrices%first(:n, :n, 1)
+            call factor_definite(l, 0.0_wp)
+            y = terms%mean(:n)
+            call solve_lower(l, y)
+            call solve_upper(l, y)
+            growth = (sum(terms%mean(:n)*y) - contact%stiffness)/sum(y*matmul(slope, y))
+            growth = max(-1.0_wp, min(1.0_wp, growth))
+            contact%radius = exp(shape(1) + growth)*(1.0_wp - sum(shape(2:)**2))**0.25_wp
+         end associate
+      end subroutine find_radius
    end subroutine continue_contact
-
-   !> The three equations of the shape, and their derivatives by the shape and by the depth; force
-   !> and stiffness at a fixed shape, and derivatives of the force by the shape.
-   pure subroutine find_equations(terms, matrices, contact, residual, jacobian, drift, force, &
-      & found)
-      type(terms_type), intent(in) :: terms
-      type(matrices_type), intent(in) :: matrices
-      type(contact_type), intent(inout) :: contact
-      real(wp), intent(out) :: residual(3), jacobian(3, 3), drift(3), force(3)
-      !> Whether the compliance is positive.
-      logical, intent(out) :: found
-      !> Residuals, the product A^-1 of what a name says, and the pressures with a last one of 1.
-      real(wp) :: l(terms%n, terms%n), rest(0:terms%n + 1, 3), mean(terms%n), edge(terms%n), &
-         & y(0:terms%n + 1)
-      integer :: i
-
-      residual = 0.0_wp
-      jacobian = 0.0_wp
-      drift = 0.0_wp
-      force = 0.0_wp
-      associate (n => terms%n, a => matrices%a)
-         l = a(1:n, 1:n)
-         call factor_definite(l, 0.0_wp, found)
-         if (.not. found) return
-         y(0) = 0.0_wp
-         y(1:n) = contact%depth*terms%mean(1:n) - a(1:n, n + 1)
-         y(n + 1) = 1.0_wp
-         call solve_lower(l, y(1:n))
-         call solve_upper(l, y(1:n))
-         mean = terms%mean(1:n)
-         edge = a(1:n, 0)
-         contact%force = sum(mean*y(1:n))
-         residual(1) = contact%depth*terms%mean(0) - sum(a(:, 0)*y)
-         call solve_lower(l, mean)
-         call solve_lower(l, edge)
-         do i = 1, 3
-            rest(:, i) = -matmul(matrices%first(:, :, i), y)
-            if (i > 1) residual(i) = 0.5_wp*sum(rest(:, i)*y)
-            call solve_lower(l, rest(1:n, i))
-         end do
-         contact%stiffness = sum(mean**2)
-         force = matmul(mean, rest(1:n, :))
-         drift = [terms%mean(0) - sum(edge*mean), force(2:)]
-         do i = 1, size(left)
-            jacobian(right(i), left(i)) = sum(rest(1:n, left(i))*rest(1:n, right(i))) &
-               & - 0.5_wp*sum(y*matmul(matrices%second(:, :, i), y))
-         end do
-         jacobian(2, 3) = jacobian(3, 2)
-         jacobian(1, :) = rest(0, :) - matmul(edge, rest(1:n, :))
-      end associate
-   end subroutine find_equations
-
-   !> Radius of a contact. The stiffness of a flat punch that has the shape of the contact is that
-   !> of the contact, and of all quantities it depends most on the size.
-   pure subroutine find_radius(terms, matrices, shape, contact)
-      type(terms_type), intent(in) :: terms
-      type(matrices_type), intent(in) :: matrices
-      real(wp), intent(in) :: shape(3)
-      type(contact_type), intent(inout) :: contact
-      real(wp), dimension(0:terms%n, 0:terms%n) :: l, slope
-      real(wp) :: y(0:terms%n), growth
-
-      associate (n => terms%n)
-         l = matrices%a(:n, :n)
-         slope = matrices%first(:n, :n, 1)
-         call factor_definite(l, 0.0_wp)
-         y = terms%mean(:n)
-         call solve_lower(l, y)
-         call solve_upper(l, y)
-         growth = (sum(terms%mean(:n)*y) - contact%stiffness)/sum(y*matmul(slope, y))
-         growth = max(-1.0_wp, min(1.0_wp, growth))
-         contact%radius = exp(shape(1) + growth)*(1.0_wp - sum(shape(2:)**2))**0.25_wp
-      end associate
-   end subroutine find_radius
 
    !> Integrals over directions and wave numbers.
    pure subroutine integrate(compliance, profile, terms, coarse, stride, shape, matrices)

@@ -24,7 +24,7 @@ module posterior_focus
    implicit none
    private
    public :: focus_type, has_focus, check_focus, find_focus, is_accurate
-   public :: changes_of_variance, extend
+   public :: extend
 
    !> Number of simulations over the domain before the first round; in each round, number of those
    !> at the posterior by the theory alone, and of all.

@@ -6,7 +6,6 @@ module test_operations
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc
    use abstract_basis, only: basis_type, grain_model_type
    use abstract_sampler, only: sampler_type
-   use acquisitions, only: new_acquisition
    use analysis, only: analysis_type
    use diagnostics, only: diagnostic, diagnostics_text
    use evidence_regression, only: coefficient_covariance, coefficient_mean, compute_posterior, &
@@ -285,7 +284,7 @@ contains
             end if
          end associate
       case ('learner.set_candidates')
-         call new_acquisition(x%in%text('rule'), learner%rule, x%error)
+         learner%rule%lowers_mean = x%in%text('rule') == 'imse'
          if (.not. allocated(x%error)) then
             call set_candidates(learner%design, learner%basis, constants, euler_deg, &
                & x%in%logical('with_slopes'))
