@@ -22,10 +22,11 @@ module film_training
    use progress, only: advance_progress, begin_progress, end_progress
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
+   use simulate, only: n_derivatives
    use statistics, only: sort_order
    use surrogate_domain, only: complete_domain, domain_type, spread_crystals
    use surrogate_learner, only: fit_learner, learner_type, new_learner, surrogate_of
-   use surrogate_model, only: predict_crystals, simulations_type, surrogate_type
+   use surrogate_model, only: predict_crystals, simulations_type, surrogate_type, values_alone
    use variance_shares, only: find_shares, from_surrogate, shares_type
    implicit none
    private
@@ -158,7 +159,7 @@ contains
          call complete_domain(problem%class%name, domain, error)
          domain%is_extended = .true.
          allocate (known%constants(problem%class%n_constants, 0), known%euler_deg(3, 0), &
-            & known%modulus(0), self%noise(0))
+            & known%modulus(0), known%by_stiffness(n_derivatives, 0), self%noise(0))
       end associate
    end subroutine find_broad
 
@@ -229,7 +230,7 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(film_type) :: films(size(constants, 2))
       integer, allocatable :: made(:)
-      integer :: i, n
+      integer :: i
 
       call indent_films(self%problem, self%problem%class%stiffnesses(constants), euler_deg, &
          & self%problem%threads(), films, error)
@@ -237,13 +238,9 @@ contains
       if (size(made) < (1.0_wp - most_failed)*size(films)) return
       if (allocated(error)) deallocate (error)
       call advance_progress(int(size(films), i8))
-      associate (known => self%known)
-         n = size(known%modulus) + size(made)
-         known%constants = reshape(known%constants, [size(constants, 1), n], constants(:, made))
-         known%euler_deg = reshape(known%euler_deg, [3, n], euler_deg(:, made))
-         known%modulus = [known%modulus, films(made)%modulus]
-         self%noise = [self%noise, spread(noise, 1, size(made))]
-      end associate
+      call self%known%append(values_alone(constants(:, made), euler_deg(:, made), &
+         & films(made)%modulus))
+      self%noise = [self%noise, spread(noise, 1, size(made))]
    end subroutine add_values
 
    !> Fit the correction to all values.
