@@ -103,6 +103,7 @@ contains
 
    !> Number of all real harmonics of even degree.
    pure integer function n_real_harmonics(bandlimit)
+      !> Highest degree, even.
       integer, intent(in) :: bandlimit
 
       n_real_harmonics = (bandlimit + 1)*(bandlimit + 2)/2
@@ -111,6 +112,7 @@ contains
    !> All real harmonics of even degree, degree by degree, m = 0, cos 1, sin 1, .., by the
    !> recurrence in the degree of the normalised Legendre functions over sin^m.
    pure subroutine evaluate_real(bandlimit, direction, values)
+      !> Highest degree, even.
       integer, intent(in) :: bandlimit
       !> Unit vector.
       real(wp), intent(in) :: direction(3)
