@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bayesindent.crystal.elasticity import class_name, constant_names
-from bayesindent.inference.analysis import CoreAnalysis
+from bayesindent.inference.extract import Analysis
 from bayesindent.inference.measurements import problem_of
 from bayesindent.settings.problem import Problem
 from bayesindent.surrogate.surrogate import Surrogate
@@ -102,7 +102,7 @@ class Posterior:
         self.symmetry = class_name(problem.settings.problem.symmetry)
         self.names = constant_names(self.symmetry)
         if what == EXTRACTION:
-            self.values = CoreAnalysis(problem, surrogate)._call("infer")
+            self.values = Analysis(problem, surrogate)._call("infer")
             return
         self.analysis = _Density(problem, surrogate)
         self.values = self.analysis.prepare(what == PRIOR)
@@ -129,4 +129,4 @@ class Posterior:
         """The document of `next` for the problem's `&next`, from draws (n, dimension) of the
         posterior.
         """
-        return CoreAnalysis(problem, self.surrogate).document("next", points=np.atleast_2d(draws))
+        return Analysis(problem, self.surrogate).document("next", points=np.atleast_2d(draws))

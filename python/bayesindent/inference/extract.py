@@ -1,28 +1,142 @@
-"""Step 2: infer the constants from measured moduli, and suggest the grain to measure next. The core
-computes the densities, the chains and their diagnostics.
+"""Step 2 as an object and as functions: infer the constants from measured moduli, and suggest the
+grain to measure next. The core computes the densities, the chains and their diagnostics.
 """
 
 import json
 from collections.abc import Mapping
+from functools import cached_property
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..common.progress import show_progress
 from ..common.result_files import plain
-from ..core import InputError
-from ..settings.keywords import takes
-from ..settings.problem import Problem, grouped
+from ..core import InputError, NativeObject
+from ..crystal.elasticity import constant_names, stiffness_rows
+from ..settings.keywords import takes, warn_of
+from ..settings.problem import Problem
 from ..surrogate.surrogate import Surrogate
-from .analysis import CoreAnalysis
+from .arviz_groups import groups_of, inference_data
 from .measurements import GROUPS, problem_of
 
+#: Draws of the posterior from which moduli are predicted.
+PREDICTED = 500
 #: Variables that have no keyword of their name; other keywords replace them.
 LEFT_OUT = (
     *("symmetry", "title", "synthetic", "file", "c_min", "c_max", "draws", "engine", "scheduler"),
     *("cores", "memory", "walltime"),
 )
+
+
+class Analysis(NativeObject):
+    """Step 2 of a table of measurements as an object, see `bi.analysis`. The posterior is sampled
+    when a result is first asked for.
+
+    Examples
+    --------
+    >>> isinstance(bi.analysis("grains.csv", "cubic", technique="exact"), bi.Analysis)
+    True
+    """
+
+    kind = "analysis"
+
+    def __init__(self, problem: Problem, surrogate: Surrogate, name: str = ""):
+        # The surrogate's name is empty if it has none.
+        self.problem, self.surrogate, self.name = problem, surrogate, name
+        self._hold(surrogate._call("analysis", problem=problem.handle)["handle"])
+
+    @classmethod
+    def of_keywords(
+        cls, origin: str, measurements: Any, surrogate: Surrogate | str | PathLike, **given: Any
+    ) -> "Analysis":
+        """The analysis that the keywords of the function `origin` state."""
+        name = "" if isinstance(surrogate, Surrogate) else str(surrogate)
+        model = loaded(surrogate)
+        return cls(problem_of(origin, model, measurements, **given), model, name)
+
+    def infer(self, progressbar: bool = False) -> Any:
+        """Sample the posterior, and return the result of `bi.extract`."""
+        show_progress(progressbar)
+        try:
+            found = self._call("infer")
+        finally:
+            show_progress(False)
+        warn_of(json.loads(found["document"]))
+        result, made = inference_data(groups_of(found)), self.problem._made_of[0]
+        result.posterior.attrs.update(
+            surrogate=self.name, asked=json.dumps(plain([*made.args, made.keywords]), default=str)
+        )
+        # `next_grain` uses the surrogate in this process; a file of the result has only its name.
+        result.posterior.encoding["surrogate"] = self.surrogate
+        return result
+
+    @cached_property
+    def posterior(self) -> Any:
+        """The result of `bi.extract`."""
+        return self.infer()
+
+    def document(self, verb: str, **values: Any) -> dict:
+        """The document of 'next', from draws (n, parameters) as `points`, or of 'plan'."""
+        document = json.loads(self._call(verb, **values)["text"])
+        warn_of(document)
+        return document
+
+    def summary(self) -> dict:
+        """See `bi.summary`."""
+        return summary(self.posterior)
+
+    def predict(self, euler_deg: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and sd in GPa of the indentation modulus at Bunge's angles (n, 3) in degrees, over
+        the posterior and the error of the surrogate.
+        """
+        symmetry, angles = self.problem.settings.problem.symmetry, np.atleast_2d(euler_deg)
+        draws = draws_of(self.posterior)[:, : len(constant_names(symmetry))]
+        draws = draws[:: max(1, len(draws) // PREDICTED)]
+        modulus, sd = self.surrogate.predict(stiffness_rows(symmetry, draws)[:, None], angles)
+        return modulus.mean(axis=0), np.sqrt(modulus.var(axis=0) + (sd**2).mean(axis=0))
+
+    def diagnosis(self) -> list[dict]:
+        """Other models of the measurements, the best first: `explanation`, `group`, `log_odds` over
+        the stated model, `constants`, and the `remedy` that states it.
+        """
+        return self.summary()["diagnosis"]
+
+    def next(self, **settings: Any) -> dict:
+        """The grains to measure next; the keywords are those of `&next`, see `bi.next_grain`."""
+        return next_grain(self.posterior, **settings)
+
+    def plan(self, grains: ArrayLike, noise: ArrayLike, **settings: Any) -> dict:
+        """Expected sds of the constants for numbers of grains and noises of such a crystal; other
+        keywords are those of `&plan`, see `bi.plan`.
+        """
+        parameters = self.summary()["parameters"]
+        names = constant_names(self.problem.settings.problem.symmetry)
+        asked = {"constants": [parameters[name]["mean"] for name in names]}
+        asked |= {"grains": grains, "noise": noise} | settings
+        problem = problem_of_result(self.posterior, "Analysis.plan", plan=asked)
+        return Analysis(problem, self.surrogate).document("plan")
+
+    def report(self, output: str | PathLike = ".", figures: str = "", paper: bool = False) -> Path:
+        """Write the report of the results, see `bi.report`."""
+        from ..report.report import write_report
+
+        return write_report(self.posterior, Path(output), figures, paper)[1]
+
+
+def problem_of_result(result: Any, origin: str, **group: Mapping) -> Problem:
+    """The problem of a result of `bi.extract` with a further group of variables."""
+    _, tables, groups = json.loads(result.posterior.attrs["asked"])
+    return Problem.from_keywords(origin, tables, **groups | group)
+
+
+def draws_of(result: Any) -> np.ndarray:
+    """The draws (n, parameters) of a result of `bi.extract`."""
+    return np.stack(
+        [values.values.ravel() for values in result.posterior.data_vars.values()], axis=1
+    )
 
 
 @takes(*GROUPS, "next", without=LEFT_OUT)
@@ -63,7 +177,6 @@ def next_grain(
     >>> len(bi.next_grain(result, count=2)["suggestions"])
     2
     """
-    own = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge} | settings
     if hasattr(measurements, "posterior"):
         result, facts = measurements, measurements.posterior.attrs
         surrogate = surrogate or result.posterior.encoding.get("surrogate") or facts["surrogate"]
@@ -72,22 +185,16 @@ def next_grain(
                 "a result from a file does not have its surrogate; state it with surrogate=",
                 "bi.next_grain",
             )
-        surrogate, (_, tables, groups) = loaded(surrogate), json.loads(facts["asked"])
-        problem = Problem.from_keywords("bi.next_grain", tables, **groups | {"next": settings})
+        problem = problem_of_result(result, "bi.next_grain", next=settings)
+        analysis = Analysis(problem, loaded(surrogate))
     else:
-        surrogate = loaded(surrogate or "halfspace")
-        problem = problem_of("bi.next_grain", surrogate, measurements, **own)
-        if result is None:
-            of_next = grouped(settings, ["next"])["next"]
-            result = extract(
-                measurements,
-                surrogate=surrogate,
-                **{name: own[name] for name in own if name not in of_next},
-            )
-    draws = np.stack(
-        [values.values.ravel() for values in result.posterior.data_vars.values()], axis=1
+        given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge} | settings
+        analysis = Analysis.of_keywords(
+            "bi.next_grain", measurements, surrogate or "halfspace", **given
+        )
+    return analysis.document(
+        "next", points=draws_of(analysis.posterior if result is None else result)
     )
-    return CoreAnalysis(problem, surrogate).document("next", points=draws)
 
 
 @takes(*GROUPS, without=LEFT_OUT)
@@ -149,28 +256,45 @@ def extract(
     """
     given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge}
     given |= {"references": references} | settings
-    return sampled(*begun("bi.extract", measurements, surrogate, **given), progressbar)
+    return Analysis.of_keywords("bi.extract", measurements, surrogate, **given).infer(progressbar)
 
 
-def begun(
-    origin: str, measurements: Any, surrogate: Surrogate | str | PathLike, **given: Any
-) -> tuple[Problem, Surrogate, str]:
-    """The problem that the keywords of the function `origin` state, the surrogate and its name."""
-    name = "" if isinstance(surrogate, Surrogate) else str(surrogate)
-    model = loaded(surrogate)
-    return problem_of(origin, model, measurements, **given), model, name
+@takes(*GROUPS, without=LEFT_OUT)
+def analysis(
+    measurements: Any,
+    symmetry: str | None = None,
+    *,
+    surrogate: Surrogate | str | PathLike = "halfspace",
+    bounds: Mapping | None = None,
+    knowledge: Mapping | None = None,
+    references: str | PathLike | None = None,
+    **settings: Any,
+) -> Analysis:
+    """Step 2 as an object: `posterior`, `summary()`, `diagnosis()`, `predict(euler_deg)`,
+    `next()`, `plan(grains, noise)`, `report()`.
 
+    Parameters
+    ----------
+    measurements, symmetry, surrogate, bounds, knowledge, references
+        As in `bi.extract`.
 
-def sampled(problem: Problem, surrogate: Surrogate, name: str, progressbar: bool = False) -> Any:
-    """The result of `bi.extract` with a surrogate that has this name."""
-    result = CoreAnalysis(problem, surrogate).infer(progressbar)
-    made = problem._made_of[0]
-    result.posterior.attrs.update(
-        surrogate=name, asked=json.dumps(plain([*made.args, made.keywords]), default=str)
-    )
-    # `next_grain` uses the surrogate in this process; a file of the result has only its name.
-    result.posterior.encoding["surrogate"] = surrogate
-    return result
+    Returns
+    -------
+    Analysis
+        Its posterior is sampled when a result is first asked for.
+
+    Examples
+    --------
+    >>> analysis = bi.analysis(
+    ...     "grains.csv", "cubic", knowledge={"bulk_modulus": (137, 3)}, technique="exact"
+    ... )
+    >>> mean, sd = analysis.predict([0, 0, 0])
+    >>> abs(float(mean[0]) - 134.0) < 5
+    True
+    """
+    given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge}
+    given |= {"references": references} | settings
+    return Analysis.of_keywords("bi.analysis", measurements, surrogate, **given)
 
 
 @takes("plan", *GROUPS, without=(*LEFT_OUT, "lattice"))
@@ -202,20 +326,9 @@ def plan(
     >>> sorted(found["results"][0]["sd"])
     ['C11', 'C12', 'C44']
     """
-    surrogate = loaded(surrogate)
-    problem = problem_of(
-        "bi.plan",
-        surrogate,
-        None,
-        symmetry=symmetry,
-        bounds=bounds,
-        knowledge=knowledge,
-        constants=constants,
-        grains=grains,
-        noise=noise,
-        **settings,
-    )
-    return CoreAnalysis(problem, surrogate).document("plan")
+    given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge}
+    given |= {"constants": constants, "grains": grains, "noise": noise} | settings
+    return Analysis.of_keywords("bi.plan", None, surrogate, **given).document("plan")
 
 
 def loaded(surrogate: Surrogate | str | PathLike) -> Surrogate:

@@ -8,7 +8,7 @@ from typing import Any
 from ..common.diagnostics import diagnostic
 from ..common.result_files import whole_file, write_csv, write_json
 from ..core import InputError
-from ..inference.analysis import inference_data
+from ..inference.arviz_groups import inference_data
 from ..settings.keywords import warn_of
 from ..stages.results_folder import using_documents
 from .results import Results

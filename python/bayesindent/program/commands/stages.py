@@ -10,7 +10,7 @@ from ...common.progress import progress_bar
 from ...common.result_files import as_csv, whole_file, write_groups, write_text
 from ...core import InputError
 from ...fe.indentation import Indentation
-from ...inference.analysis import groups_of
+from ...inference.arviz_groups import groups_of
 from ...report.formatting import (
     SHARES,
     cells,

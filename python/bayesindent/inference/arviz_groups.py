@@ -1,42 +1,11 @@
-"""An analysis: Step 2 of a problem with a surrogate. The core holds the posterior and its draws."""
+"""The results of Step 2 by the groups of ArviZ' schema."""
 
 import json
 from typing import Any
 
 import numpy as np
 
-from ..common.progress import show_progress
-from ..core import NativeObject
 from ..crystal.elasticity import constant_names, quantity_names
-from ..settings.keywords import warn_of
-from ..settings.problem import Problem
-from ..surrogate.surrogate import Surrogate
-
-
-class CoreAnalysis(NativeObject):
-    """Step 2 of a `problem` with a `surrogate`: `infer` samples the posterior."""
-
-    kind = "analysis"
-
-    def __init__(self, problem: Problem, surrogate: Surrogate):
-        self.problem, self.surrogate = problem, surrogate
-        self._hold(surrogate._call("analysis", problem=problem.handle)["handle"])
-
-    def infer(self, progressbar: bool = False) -> Any:
-        """Sample the posterior, and return the results as ArviZ has them, see `bi.extract`."""
-        show_progress(progressbar)
-        try:
-            found = self._call("infer")
-        finally:
-            show_progress(False)
-        warn_of(json.loads(found["document"]))
-        return inference_data(groups_of(found))
-
-    def document(self, verb: str, **values: Any) -> dict:
-        """The document of 'next', from draws (n, parameters) as `points`, or of 'plan'."""
-        document = json.loads(self._call(verb, **values)["text"])
-        warn_of(document)
-        return document
 
 
 def inference_data(groups: dict[str, tuple[dict, dict]]) -> Any:
