@@ -265,7 +265,7 @@ contains
          ! Add a diagnostic of a table that was read in Python.
          self%warnings = [self%warnings, diagnostic(x%in%text('code'), x%in%text('subject'))]
       case ('load')
-         !> misread, shared_refusal, .. -> ..
+         !> misread, .. -> ..
          ! Read the tables that are given as texts, and the files that the namelist names.
          call load_problem(self, x%in, x%error)
          if (allocated(x%error)) return

@@ -49,8 +49,6 @@ module problem
       real(wp), allocatable :: shared_errors(:, :)
       !> File of the shared errors, unallocated: the table of the measurements; and its checksum.
       character(len=:), allocatable :: shared_file, shared_digest
-      !> Why a file of shared errors that Python has read is refused.
-      character(len=:), allocatable :: shared_refusal
       !> Stiffness of &knowledge.
       type(stiffness_table_type), allocatable :: stiffness
       !> Layers of &specimen.

@@ -39,7 +39,6 @@ contains
             problem%data%shared_file = resolve_path(problem%run%folder, &
                & s%measurements%shared_errors)
          end if
-         if (given%has('shared_refusal')) problem%data%shared_refusal = given%text('shared_refusal')
          call find_text('measurements', s%measurements%file, problem%data%table_text)
          call locate_table(problem, error)
          if (allocated(error)) return
@@ -111,8 +110,12 @@ contains
             call find_text('stiffness', stated%stiffness_file, content)
             if (allocated(content) .and. .not. allocated(error)) then
                allocate (problem%data%stiffness)
-               call new_stiffness_table(content, stated%stiffness_relative_sd, problem%class, &
-                  & problem%data%stiffness, error)
+               if (allocated(stated%stiffness_relative_sd) .and. .not. given%has('stiffness')) then
+                  call refuse(error, 'a matrix is read by bayesindent, not by bayesindent-batch, ' &
+                     & //'which needs the table of means and covariance')
+               else
+                  call new_stiffness_table(content, problem%class, problem%data%stiffness, error)
+               end if
             end if
             call problem%locate('knowledge', 'stiffness_file', error, stated%stiffness_file)
          end associate
@@ -348,8 +351,6 @@ contains
       type(table_type) :: source
       real(wp), allocatable :: values(:, :)
 
-      if (allocated(problem%data%shared_refusal)) call refuse(error, problem%data%shared_refusal)
-      if (allocated(error)) return
       source = table
       call read_shared_errors(problem%data%shared_file, table%rows, source, values, error)
       if (allocated(error)) return

@@ -16,8 +16,7 @@ module point_tables
    implicit none
    private
    public :: points_type, read_crystals, read_measurements, split_references, &
-      & read_orientations, first_rows, angles_look_like_radians, read_angles, read_constants, &
-      & read_groups
+      & read_orientations, first_rows, angles_look_like_radians, read_angles, read_groups
 
    !> Points, one for each row of a table. Values that the table does not have are NaN.
    type :: points_type
@@ -82,7 +81,7 @@ contains
 
       call read_table(path, points%table, error)
       call read_angles(points, error)
-      if (.not. allocated(error)) call read_constants(points, default_class, 0.0_wp, error)
+      if (.not. allocated(error)) call read_constants(points, default_class, error)
       call read_column(points%table, trim(merge('modulus_gpa            ', &
          & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
          & points%modulus_gpa, error)
@@ -93,11 +92,9 @@ contains
    end subroutine read_crystals
 
    !> Read the independent constants of each row, and set the stiffness.
-   subroutine read_constants(points, default_class, tolerance, error)
+   subroutine read_constants(points, default_class, error)
       type(points_type), intent(inout) :: points
       type(crystal_class_type), intent(in) :: default_class
-      !> Share of the largest constant that an entry may differ from its value by symmetry.
-      real(wp), intent(in) :: tolerance
       type(error_type), allocatable, intent(out) :: error
       !> The class whose constants are all entries, and their columns.
       type(crystal_class_type) :: general
@@ -150,8 +147,7 @@ contains
             ! from the others, within the rounding of all of them.
             implied = general%constants_of(points%stiffness(:, :, i))
             do j = 1, 21
-               beyond = abs(entries(j) - implied(j)) - 1.0e-3_wp &
-                  & - max(1.0e-3_wp*abs(implied(j)), tolerance*maxval(abs(implied)))
+               beyond = abs(entries(j) - implied(j)) - 1.0e-3_wp*(1.0_wp + abs(implied(j)))
                if (.not. beyond > unit) cycle
                if (beyond <= last_digit(table%cell(column(j), i))) cycle
                call table%refuse(column(j), i, ' GPa does not apply to a '//class%name &

@@ -1,17 +1,15 @@
 !> A known stiffness with its covariance, such as one from density functional theory. The CSV has a
 !> column `row` and one for each constant of the class, the row 'mean' (GPa), and a row of the
-!> covariance (GPa²) for each constant, in any order. Or the file is the matrix (GPa), 6 x 6 numbers
-!> or the 21 of a triangle, whose constants have one relative standard deviation.
+!> covariance (GPa²) for each constant, in any order.
 module stiffness_table
-   use crystal_class, only: crystal_class_type, general_class, new_crystal_class
+   use crystal_class, only: crystal_class_type
    use crystal_elasticity, only: check_stiffness
    use errors, only: error_type, prefix_error, refuse
    use files, only: printable
    use kinds, only: wp
    use linear_algebra, only: cholesky_factor
-   use point_tables, only: points_type, read_constants
-   use tables, only: longest_name, parse_table, table_type
-   use text, only: join, newline, read_real, split_list, to_text
+   use tables, only: parse_table, table_type
+   use text, only: join, to_text
    implicit none
    private
    public :: stiffness_table_type, new_stiffness_table
@@ -27,11 +25,9 @@ module stiffness_table
 contains
 
    !> Read the means and the covariance.
-   subroutine new_stiffness_table(content, relative_sd, class, self, error)
+   subroutine new_stiffness_table(content, class, self, error)
       !> Text of the file.
       character(len=*), intent(in) :: content
-      !> Of each constant of a matrix; unallocated for a table.
-      real(wp), allocatable, intent(in) :: relative_sd
       type(crystal_class_type), intent(in) :: class
       type(stiffness_table_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
@@ -39,12 +35,8 @@ contains
       real(wp), parameter :: largest = 1300.0_wp
       integer :: i, j
 
-      if (allocated(relative_sd)) then
-         call read_matrix(content, relative_sd, class, self, error)
-      else
-         call parse_table(content, self%table, error)
-         if (.not. allocated(error)) call read_rows(self%table)
-      end if
+      call parse_table(content, self%table, error)
+      if (.not. allocated(error)) call read_rows(self%table)
       if (allocated(error)) return
       i = maxloc(abs(self%mean), dim=1)
       call check(abs(self%mean(i)) < largest, class%constants(i)//' is '//to_text(self%mean(i)) &
@@ -136,79 +128,4 @@ contains
             & //'combination of the constants is known exactly')
       end subroutine check_covariance
    end subroutine new_stiffness_table
-
-   !> Read a matrix. Of entries that are equal by symmetry the first one counts.
-   subroutine read_matrix(content, relative_sd, class, self, error)
-      !> Numbers separated by blanks, commas or brackets.
-      character(len=*), intent(in) :: content
-      real(wp), intent(in) :: relative_sd
-      type(crystal_class_type), intent(in) :: class
-      type(stiffness_table_type), intent(out) :: self
-      type(error_type), allocatable, intent(out) :: error
-      ! Characters of a file that are read; entries may differ by this share of the largest one from
-      ! what the symmetry gives them.
-      integer, parameter :: most = 4000
-      real(wp), parameter :: tolerance = 0.01_wp
-      type(crystal_class_type) :: general
-      type(points_type) :: points
-      character(len=:), allocatable :: list
-      character(len=longest_name), allocatable :: words(:)
-      real(wp) :: entries(36)
-      integer :: mirrored(36), first, i, j, outcome
-
-      list = content(:min(len(content), most))
-      do i = 1, len(list)
-         if (scan(list(i:i), ' []()|'//achar(9)//achar(13)//newline) > 0) list(i:i) = ','
-      end do
-      words = split_list(list)
-      if (size(words) == 36) then
-         do i = 1, 36
-            call read_real(trim(words(i)), entries(i), outcome)
-         end do
-         mirrored = [((6*(j - 1) + i, j=1, 6), i=1, 6)]
-         i = maxloc(abs(entries - entries(mirrored)), dim=1)
-         if (abs(entries(i) - entries(mirrored(i))) > tolerance*maxval(abs(entries))) then
-            call refuse(error, 'the matrix is not symmetric: '//entry(i)//', but ' &
-               & //entry(mirrored(i)))
-            return
-         end if
-         words = pack(words, [((j >= i, j=1, 6), i=1, 6)])
-      else if (size(words) == 21) then
-         ! The first two lines of a lower triangle have three numbers.
-         first = index(content, newline)
-         first = first + index(content(first + 1:), newline)
-         if (size(split_list(list(:min(first, most)))) == 3) then
-            words = words([((j*(j - 1)/2 + i, j=i, 6), i=1, 6)])
-         end if
-      end if
-      if (size(words) /= 21) then
-         call refuse(error, to_text(size(words))//' numbers; a matrix has 36, or 21 in a ' &
-            & //'triangle; for a table leave stiffness_relative_sd out')
-         return
-      end if
-      call new_crystal_class(general_class, general, error)
-      call parse_table('symmetry,sd,'//join(general%constants, ',')//newline//class%name//',' &
-         & //to_text(relative_sd)//','//join(words, ','), points%table, error)
-      if (allocated(error)) return
-      points%n = 1
-      call read_constants(points, class, tolerance, error)
-      if (allocated(error)) return
-      self%table = points%table
-      self%mean = points%constants(:class%n_constants, 1)
-      allocate (self%covariance(class%n_constants, class%n_constants), source=0.0_wp)
-      do i = 1, class%n_constants
-         self%covariance(i, i) = (relative_sd*self%mean(i))**2
-      end do
-
-   contains
-
-      !> Name and value of entry `k`, row by row.
-      function entry(k) result(string)
-         integer, intent(in) :: k
-         character(len=:), allocatable :: string
-
-         string = 'C'//to_text((k + 5)/6)//to_text(modulo(k - 1, 6) + 1)//' is '//trim(words(k)) &
-            & //' GPa'
-      end function entry
-   end subroutine read_matrix
 end module stiffness_table

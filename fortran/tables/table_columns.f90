@@ -5,7 +5,7 @@ module table_columns
    use kinds, only: nan, wp
    use observables, only: modulus_kinds
    use tables, only: longest_name, table_type
-   use text, only: join, lower, split_list, to_text
+   use text, only: join, split_list, to_text
    implicit none
    private
    public :: column_type, angle_columns, find_column, read_column, read_numbers, find_modulus, &
@@ -165,10 +165,10 @@ contains
       type(table_type), intent(in) :: table
       character(len=:), allocatable :: names(:), name
 
-      allocate (names, source=split_list(lower(join(known_columns%name, ', '))//', '//further &
-         & //', '//join(ways(:3), ', ')))
+      allocate (names, source=split_list(join(known_columns%name, ', ')//', '//further//', ' &
+         & //join(ways(:3), ', ')))
       do column = 1, table%columns
-         name = lower(table%name(column))
+         name = table%name(column)
          if (len(name) > 0 .and. all(names /= name) .and. index(name, 'shared_') /= 1) return
       end do
       column = 0

@@ -13,13 +13,13 @@ from .crystal.elasticity import (
 )
 from .crystal.elasticity import constant_names as constants
 from .fe.indentation import Indentation, IndentationResult, film_modulus
-from .inference.extract import Analysis, analysis, extract, next_grain, plan, summary
 from .program.functions import FUNCTIONS
 from .report.comparison import compare
 from .report.plots import PLOTS
 from .settings.problem import Problem
 from .stages.build import build_surrogate as build
 from .stages.curves import curves
+from .step_2 import Analysis, analysis, extract, next_grain, plan, summary
 from .surrogate.surrogate import Surrogate
 
 __all__ = [

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import stats
 
 from bayesindent.crystal.elasticity import stiffness_rows
-from bayesindent.inference.extract import extract, summary
+from bayesindent.step_2 import extract, summary
 from support.densities import PRIOR, Posterior
 from support.theory_cases import SYMMETRIES, Case
 

@@ -15,7 +15,7 @@ import xarray
 from bayesindent import Problem
 from bayesindent.common.diagnostics import labelled
 from bayesindent.inference.arviz_groups import groups_of, inference_data
-from bayesindent.inference.extract import summary
+from bayesindent.step_2 import summary
 from bayesindent.surrogate.surrogate import SHIPPED, Surrogate
 from support.csv_tables import numbers, read_rows
 from support.densities import EXTRACTION, Posterior

@@ -79,7 +79,7 @@ def test_what_has_no_partner_is_named(tmp_path):
         (
             "grain,phi1,Phi,phi2,Er,sd_gpa\nG1,1,2,3,150,2\n",
             orientations_of(NAMES),
-            "has orientations too",
+            "states the orientation too",
         ),
     ],
 )

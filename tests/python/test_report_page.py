@@ -15,8 +15,11 @@ import shutil
 import subprocess
 
 import pytest
+from markupsafe import escape
+from matplotlib.text import Text
 
 from bayesindent.program.cli import main
+from bayesindent.report import drawing
 from support.programs import HANGS_S
 from support.tree import SOURCE
 
@@ -118,6 +121,24 @@ def working_browser(tmp_path_factory):
         pytest.skip("Chromium does not start here: nobody looked at the report")
 
 
+@pytest.fixture(autouse=True)
+def sizes(monkeypatch):
+    """By the alternative text of each figure of a report its width and smallest text, in points."""
+    found, own = {}, drawing.embedded
+
+    def embedded(picture):
+        texts = [
+            text.get_fontsize()
+            for text in picture.figure.findobj(Text)
+            if text.get_visible() and text.get_text().strip()
+        ]
+        found[str(escape(picture.alt))] = 72 * picture.figure.get_figwidth(), min(texts)
+        return own(picture)
+
+    monkeypatch.setattr(drawing, "embedded", embedded)
+    return found
+
+
 def look_at(page: str, folder) -> list[dict]:
     """What was measured at each width."""
     script = MEASURE.replace("SMALLEST", str(SMALLEST_PX)).replace("INK", str(LEAST_INK))
@@ -136,8 +157,12 @@ def look_at(page: str, folder) -> list[dict]:
     return json.loads(html.unescape(told[1]))
 
 
-def check(folder, tmp_path) -> None:
+def check(folder, tmp_path, sizes) -> None:
     page = (folder / "report.html").read_text()
+    for alt, (points, text) in sizes.items():
+        own = f'alt="{alt}"'
+        assert own in page
+        page = page.replace(own, f'{own} data-points="{points}" data-text="{text}"')
     measured = look_at(page, tmp_path)
     assert [frame["width"] for frame in measured] == list(WIDTHS)
     for frame in measured:
@@ -147,7 +172,7 @@ def check(folder, tmp_path) -> None:
     assert measured[1]["height"] > measured[0]["height"] > 2000
 
 
-def test_both_steps(tmp_path, capsys):
+def test_both_steps(tmp_path, capsys, sizes):
     """By theory in place of simulations, which takes no time."""
     file = tmp_path / "steps.nml"
     file.write_text(
@@ -165,10 +190,10 @@ def test_both_steps(tmp_path, capsys):
         "&next count = 3 /\n"
     )
     assert main(["run", str(file), "--output", str(tmp_path / "out")]) == 0
-    check(tmp_path / "out", tmp_path)
+    check(tmp_path / "out", tmp_path, sizes)
 
 
-def test_simulations(tmp_path, capsys):
+def test_simulations(tmp_path, capsys, sizes):
     zinc = "161.1,34.2,38.3,61.1,50.3"
     (tmp_path / "zinc.csv").write_text(
         f"C11,C12,C44,C33,C13,phi1_deg,Phi_deg,phi2_deg\n{zinc},0,0,0\n{zinc},0,90,0\n"
@@ -180,7 +205,7 @@ def test_simulations(tmp_path, capsys):
         "&simulation refine = 0.6 /\n"
     )
     assert main(["run", str(file), "--output", str(tmp_path / "out")]) == 0
-    check(tmp_path / "out", tmp_path)
+    check(tmp_path / "out", tmp_path, sizes)
 
 
 def test_what_is_wrong_is_found(tmp_path):

@@ -14,10 +14,10 @@ from bayesindent.crystal.elasticity import (
     stiffness,
     stiffness_rows,
 )
-from bayesindent.inference.extract import extract, summary
 from bayesindent.settings.problem import Problem
 from bayesindent.stages.results_folder import read_posterior
 from bayesindent.stages.stage import run_stage
+from bayesindent.step_2 import extract, summary
 from bayesindent.surrogate.surrogate import Surrogate
 from reproduction.published import STUDIES
 from reproduction.studies import build, kept, namelist_of, problem_of

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bayesindent.crystal.elasticity import class_name, constant_names
-from bayesindent.inference.extract import Analysis
 from bayesindent.inference.measurements import problem_of
 from bayesindent.settings.problem import Problem
+from bayesindent.step_2 import Analysis
 from bayesindent.surrogate.surrogate import Surrogate
 from support.testing_core import Held, inside
 

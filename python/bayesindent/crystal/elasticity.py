@@ -117,6 +117,20 @@ def stiffness_rows(symmetry: str, constants: ArrayLike) -> np.ndarray:
     ].reshape(*values.shape[:-1], 6, 6)
 
 
+def stiffness_table(symmetry: str, mean: ArrayLike, covariance: ArrayLike) -> dict[str, list]:
+    """The columns of a file of `&knowledge stiffness_file`: means (k,) in GPa and covariance (k, k)
+    in GPa² of the constants.
+    """
+    names = constant_names(symmetry)
+    mean, covariance = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
+    if mean.shape != (len(names),) or covariance.shape != 2 * mean.shape:
+        raise InputError(
+            f"means and covariance have shapes {mean.shape} and {covariance.shape}; "
+            f"allowed ({len(names)},) and {2 * (len(names),)} for {', '.join(names)}"
+        )
+    return {"row": ["mean", *names]} | dict(zip(names, np.vstack([mean, covariance]).T.tolist()))
+
+
 def anisotropy_index(stiffness: ArrayLike) -> np.ndarray:
     """Universal anisotropy index (Eq. 14), of `stiffness` (..., 6, 6) in GPa; NaN where the crystal
     is not Born-stable.

@@ -6,10 +6,9 @@ from operator import methodcaller
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..core import InputError, located
-from ..crystal.elasticity import angles_of, constant_names
+from ..crystal.elasticity import angles_of, constant_names, stiffness_table
 from ..settings.problem import Problem, grouped
 from ..surrogate.surrogate import Surrogate
 
@@ -94,20 +93,6 @@ def pair_of(name: str, value: Any, allowed: str) -> tuple:
     if isinstance(value, str) or np.shape(value) != (2,):
         raise InputError(f"{name}: {value!r}; allowed {allowed}")
     return tuple(value)
-
-
-def stiffness_table(symmetry: str, mean: ArrayLike, covariance: ArrayLike) -> dict[str, list]:
-    """The columns of a file of `&knowledge stiffness_file`: means (k,) in GPa and covariance (k, k)
-    in GPa² of the constants.
-    """
-    names = constant_names(symmetry)
-    mean, covariance = np.asarray(mean, dtype=float), np.asarray(covariance, dtype=float)
-    if mean.shape != (len(names),) or covariance.shape != 2 * mean.shape:
-        raise InputError(
-            f"means and covariance have shapes {mean.shape} and {covariance.shape}; "
-            f"allowed ({len(names)},) and {2 * (len(names),)} for {', '.join(names)}"
-        )
-    return {"row": ["mean", *names]} | dict(zip(names, np.vstack([mean, covariance]).T.tolist()))
 
 
 #: Bounds in GPa of constants that have no stated ones; no crystal reaches them.

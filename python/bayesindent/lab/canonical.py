@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from ..common.result_files import as_csv
 from ..core import InputError, call, located
@@ -56,13 +57,12 @@ MARK = "# Canonical table of bayesindent"
 
 @dataclass
 class Canonical:
-    """A canonical table: the `table` that was read, the `page` that is written, why the file of
-    shared errors is refused, and the map that gave the orientations, or None.
+    """A canonical table: the `table` that was read, the `page` that is written, and the map that
+    gave the orientations, or None.
     """
 
     table: LaboratoryTable
     page: str
-    refusal: str
     map: "IndentedMap | None" = None
 
 
@@ -102,8 +102,7 @@ def canonical_table(
         table.cells[j] = [
             cell if is_missing(cell) else repr(value_of(cell) * factor) for cell in table.cells[j]
         ]
-    shared = stated("shared_errors")
-    refusal = add_shared_errors(table, Path(facts["folder"]) / shared) if shared else ""
+    lines = table.cells.index
     if path := stated("orientations_file"):
         with located(origin, "measurements", "orientations_file"), located(path):
             add_orientations_of_file(table, Path(facts["folder"]) / path, stated("orientations_by"))
@@ -123,14 +122,16 @@ def canonical_table(
             f"{nearest_to(['sd_gpa'], table.names)}. If another column is it, state columns = "
             "'sd_gpa = its header'"
         )
+    if path := stated("shared_errors"):
+        add_shared_errors(table, Path(facts["folder"]) / path, lines)
     for name in table.names:
         if hint := hint_of(name):
             table.note(f"the column {name} is not read{hint}")
     if not (table.notes or indented or radians) and has_plain_text(table, found):
-        return Canonical(table, found.text, refusal)
+        return Canonical(table, found.text)
     if radians:
         convert_radians(table)
-    return Canonical(table, page_of(table, source, stated("modulus_kind")), refusal, indented)
+    return Canonical(table, page_of(table, source, stated("modulus_kind")), indented)
 
 
 def resolve(table: LaboratoryTable, given: Mapping[str, str], kind: str | None) -> None:
@@ -322,6 +323,7 @@ def add_orientations(
         with located(origin, "measurements", "ebsd_points"), located(points):
             at, sd, warnings = registered(folder / points, at)
     with located(origin, "measurements", "ebsd"), located(ebsd):
+        table.refuse_orientations()
         found = indented_map(
             folder / ebsd,
             at,
@@ -338,18 +340,14 @@ def add_orientations(
     return found
 
 
-def add_shared_errors(table: LaboratoryTable, path: Path) -> str:
-    """Replace the shared errors of a table by those of a file with a row for each of its rows;
-    return why the file is refused. The core does that after the errors of the table.
+def add_shared_errors(table: LaboratoryTable, path: Path, lines: pd.Index) -> None:
+    """Replace the shared errors of a table by those of a file with a row for each of its `lines`,
+    before any was left out.
     """
     table.meanings = ["" if SHARED.fullmatch(name) else name for name in table.meanings]
-    try:
-        values = call("file.shared_errors", path=path, rows=len(table.cells))["values"]
-    except InputError as error:
-        return str(error)
-    for j, cells in enumerate(values.T, 1):
+    values = call("file.shared_errors", path=path, rows=len(lines))["values"]
+    for j, cells in enumerate(values[lines.isin(table.cells.index)].T, 1):
         table.add_column(f"shared_{j}", list(map(repr, cells.tolist())))
-    return ""
 
 
 def convert_radians(table: LaboratoryTable) -> None:

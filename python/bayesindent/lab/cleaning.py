@@ -43,7 +43,7 @@ def clean(table: LaboratoryTable) -> None:
     """Leave out rows that are no measurements, turn cells into plain numbers, and give each grain
     one name.
     """
-    if not any(name in ANGLES or name in DIRECTIONS for name in table.meanings):
+    if not table.oriented():
         split_indices(table)
     leave_out_statistics(table)
     remarks = (

@@ -6,7 +6,7 @@ import pandas as pd
 
 from ..core import InputError
 from .cleaning import clean, key_of
-from .columns import ANGLES, DIRECTIONS, WAYS, abridged
+from .columns import ANGLES, WAYS, abridged
 from .header import table_of_rows
 from .reading import rows_of_file
 from .table import LaboratoryTable
@@ -31,11 +31,9 @@ def add_orientations_of_file(table: LaboratoryTable, path: Path, by: str) -> Non
     """Add the orientations of a file to the rows of a table of moduli: those of the same grain, or,
     `by` 'order', those of the same row. Rows without an orientation are left out.
     """
-    given = [name for name in table.meanings if name in ANGLES or name in DIRECTIONS]
-    if given:
-        raise InputError(f"the table of moduli has orientations too: the column {given[0]}")
+    table.refuse_orientations()
     other = orientations_of_file(path)
-    names = [name for name in other.meanings if name in ANGLES or name in DIRECTIONS]
+    names = other.oriented()
     if twice := {name for name in names if names.count(name) > 1}:
         raise InputError(f"{min(twice)} has several columns; one of them is allowed")
     cells = other.cells[[other.column(name) for name in names]]

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 from ..core import InputError
 from ..crystal.directions import representative
 from ..crystal.elasticity import class_name
-from .columns import ANGLES, DIRECTIONS, abridged
+from .columns import ANGLES, abridged
 from .map_files import from_standard, load_map, rotations_of, turn_of_axes
 from .other_files import reading
 
@@ -70,10 +70,6 @@ def indented_map(
     per coordinate, and whose radii of `contact` (n,) are 0 if unknown, in um. `columns` are the
     meanings of those of the measurements; for `axes` see `AXES` of map_files.
     """
-    if given := [name for name in columns if name in ANGLES or name in DIRECTIONS]:
-        raise InputError(
-            f"the column {given[0]} states the orientation too; one of them is allowed"
-        )
     grid = Grid(path, axes)
     grid.refuse_outside(indents)
     if len(grid.groups) == 1:

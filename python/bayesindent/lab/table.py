@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 
 import pandas as pd
 
-from .columns import abridged
+from ..core import InputError
+from .columns import ANGLES, DIRECTIONS, abridged
 
 
 @dataclass
@@ -39,6 +40,17 @@ class LaboratoryTable:
         """The first column with one of the meanings, -1 if there is none."""
         found = (self.meanings.index(name) for name in meanings if name in self.meanings)
         return next(found, -1)
+
+    def oriented(self) -> list[str]:
+        """The meanings of the columns that state orientations."""
+        return [name for name in self.meanings if name in ANGLES or name in DIRECTIONS]
+
+    def refuse_orientations(self) -> None:
+        """Refuse a table that states orientations, which another file has."""
+        for name in self.oriented():
+            raise InputError(
+                f"the column {name} states the orientation too; one of them is allowed"
+            )
 
     def leave_out(self, lines: Iterable[int], reason: str) -> None:
         """Remove the rows of these lines, and note them and the reason."""

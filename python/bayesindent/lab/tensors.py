@@ -1,12 +1,15 @@
-"""Stiffnesses as databases and programs write them, in JSON."""
+"""Stiffnesses as databases and programs write them: a matrix of numbers, or JSON."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..core import InputError
+from ..crystal.elasticity import constant_names, stiffness_rows, stiffness_table
+from .other_files import decoded
 from .reading import MOST_BYTES
 
 #: Keys of a stiffness in GPa, the first of them that a document has: those of Materials Project
@@ -14,14 +17,52 @@ from .reading import MOST_BYTES
 KEYS = ("ieee_format", "elastic_tensor", "input_array", "stiffness")
 #: Rows and columns of Voigt's order 11, 22, 33, 23, 13, 12.
 FIRST, SECOND = (0, 1, 2, 1, 0, 0), (0, 1, 2, 2, 2, 1)
+#: Numbers are between blanks, commas, bars and brackets.
+words_of = re.compile(r"[^\s,\[\]()|]+").findall
+#: Share of the largest entry by which an entry may differ from its value by symmetry.
+TOLERANCE = 0.01
+
+
+def known_stiffness(path: Path, symmetry: str, relative_sd: float) -> dict[str, list]:
+    """The table of a matrix: 6 x 6 numbers, 21 of a triangle, or a document. The constants have one
+    relative sd; of entries that are equal by symmetry those of the constants count.
+    """
+    if path.stat().st_size > MOST_BYTES:
+        raise InputError(f"more than {MOST_BYTES} bytes")
+    text = matrix_of_json(path) or decoded(path.read_bytes())[0]
+    words = words_of(text)
+    try:
+        entries = np.array(words, dtype=float)
+        if len(entries) == 36:
+            values = entries.reshape(6, 6)
+        else:
+            values = np.zeros((6, 6))
+            # The first two lines of a lower triangle have three numbers.
+            lower = len(words_of("\n".join(text.splitlines()[:2]))) == 3
+            values[np.tril_indices(6) if lower else np.triu_indices(6)] = entries
+            values = np.where(values, values, values.T)
+    except ValueError:
+        raise InputError(
+            f"{len(words)} numbers or words; a matrix has 36 numbers, or 21 in a triangle; for a "
+            "table leave stiffness_relative_sd out"
+        ) from None
+    names = constant_names(symmetry)
+    mean = np.array([values[int(name[1]) - 1, int(name[2]) - 1] for name in names])
+    implied = stiffness_rows(symmetry, mean)
+    last_digit = 10.0 ** -max(len(word.partition(".")[2]) for word in words)
+    most = TOLERANCE * np.abs(implied).max() + last_digit
+    for i, j in np.argwhere(~(np.abs(values - implied) <= most)):
+        raise InputError(
+            f"C{i + 1}{j + 1} is {values[i, j]:.6g} GPa; by the symmetry of a {symmetry} crystal "
+            f"it is {implied[i, j]:.6g} GPa"
+        )
+    return stiffness_table(symmetry, mean, np.diag((relative_sd * mean) ** 2))
 
 
 def matrix_of_json(path: Path) -> str | None:
     """The 6 x 6 matrix of a document as a text; None for another file."""
-    if path.suffix.lower() != ".json" or not path.is_file():
+    if path.suffix.lower() != ".json":
         return None
-    if path.stat().st_size > MOST_BYTES:
-        raise InputError(f"more than {MOST_BYTES} bytes")
     try:
         values = np.array(stiffness_in(json.loads(path.read_text(encoding="utf-8"))), dtype=float)
     except (ValueError, TypeError, RecursionError):

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ..common.result_files import write_text
 from ..core import InputError
-from ..settings.problem import schema, spelled
+from ..settings.problem import namelist_of, schema
 
 #: Endings of tables. A text of another ending, or with a group of a namelist, is a namelist.
 ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".xlsx", ".xlsm", ".xls")
@@ -46,49 +46,42 @@ def add_table_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def namelist_of(arguments: argparse.Namespace, table: Path) -> Path:
+def namelist_for(arguments: argparse.Namespace, table: Path) -> Path:
     """Write the namelist of these options beside the results; return its path."""
     if not arguments.symmetry:
         classes = next(variable.allowed for variable in schema() if variable.name == "symmetry")
         raise InputError(f"{table}: the crystal class is missing; state --symmetry: {classes}")
     output = arguments.output = arguments.output or Path("runs") / table.stem
     output.mkdir(parents=True, exist_ok=True)
-    groups: dict[str, dict[str, str]] = {
-        "problem": {"symmetry": spelled(arguments.symmetry)},
-        "measurements": {"file": relative(table, output)},
+    orientations = arguments.orientations
+    measured = {
+        "file": os.path.relpath(table, output),
+        "modulus_kind": arguments.modulus_kind,
+        "orientations_file": orientations and os.path.relpath(orientations, output),
+        "orientations_by": "order" if arguments.by_order else None,
     }
-    measured = groups["measurements"]
-    if arguments.modulus_kind:
-        measured["modulus_kind"] = spelled(arguments.modulus_kind)
-    if arguments.orientations:
-        measured["orientations_file"] = relative(arguments.orientations, output)
-    if arguments.by_order:
-        measured["orientations_by"] = spelled("order")
-    if arguments.knowledge:
-        groups["knowledge"] = knowledge_of(arguments.knowledge)
-    lines = [f"! Written by bayesindent extract {table}; change it and run it again."]
-    for group, variables in groups.items():
-        lines += [f"&{group}", *(f"  {name} = {value}" for name, value in variables.items()), "/"]
+    groups = {
+        "problem": {"symmetry": arguments.symmetry},
+        "measurements": measured,
+        "knowledge": arguments.knowledge and knowledge_of(arguments.knowledge),
+    }
+    text = f"! Written by bayesindent extract {table}; change it and run it again.\n"
     path = output / "extract.nml"
-    write_text(path, "\n".join([*lines, ""]))
+    write_text(path, text + namelist_of(str(table), groups))
     return path
 
 
-def knowledge_of(stated: list[str]) -> dict[str, str]:
+def knowledge_of(stated: list[str]) -> dict[str, tuple]:
     """The variables of &knowledge of statements such as 'bulk_modulus=184,5'."""
     found = []
     for words in stated:
-        name, _, numbers = words.partition("=")
-        mean, _, sd = numbers.partition(",")
-        if not (name and mean and sd):
+        try:
+            name, numbers = words.split("=")
+            mean, sd = map(float, numbers.split(","))
+        except ValueError:
             raise InputError(
                 f"--knowledge {words}: a name, a value and its sd are needed, such as "
                 "bulk_modulus=184,5"
-            )
-        found.append((spelled(name.strip()), mean.strip(), sd.strip()))
-    return dict(zip(("quantity", "mean", "sd"), map(", ".join, zip(*found))))
-
-
-def relative(path: Path, folder: Path) -> str:
-    """A path as a namelist in a folder has it."""
-    return spelled(os.path.relpath(path, folder))
+            ) from None
+        found.append((name.strip(), mean, sd))
+    return dict(zip(("quantity", "mean", "sd"), zip(*found)))

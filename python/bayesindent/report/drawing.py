@@ -21,7 +21,6 @@ from .figures.style import (
     letter_panels,
     panels_of,
     stamp_synthetic,
-    text_size,
 )
 from .results import NothingToShow, Results
 
@@ -122,5 +121,4 @@ def embedded(picture: Picture) -> dict:
         "caption": picture.caption,
         "width": width,
         "height": height,
-        "text": text_size(picture.figure),
     }

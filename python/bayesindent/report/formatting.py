@@ -78,6 +78,13 @@ def numbers(item: Mapping, **digits: int) -> list[str]:
     return [number(item.get(name), count) for name, count in digits.items()]
 
 
+def unknowns_of(curves: Mapping) -> dict[str, Mapping]:
+    """What tests share, by name, in the document of `curves`: of tip, frame and sessions."""
+    rows = curves.get("sessions", [])
+    factors = {f"session {row['session']}".strip(): row["factor"] for row in rows}
+    return curves.get("tip", {}) | curves.get("frame", {}) | factors
+
+
 def suggested_grains(items: Sequence[Mapping]) -> list[str]:
     """The grain of each suggestion, and the direction of a speed.
 

@@ -27,6 +27,7 @@ from .formatting import (  # isort: skip
     share_cells,
     subscript,
     suggested_grains,
+    unknowns_of,
 )
 from .results import Results
 
@@ -223,8 +224,6 @@ def tables_of_stages(results: Results) -> dict[str, Table]:
     """The tables of the other stages than `extract`."""
     following, curves, build = (results.documents[name] for name in ("next", "curves", "build"))
     suggestions, theory = following.get("suggestions", []), results.theory_moduli
-    unknowns = curves.get("tip", {}) | curves.get("frame", {})
-    unknowns |= {f"session {row['session']}": row["factor"] for row in curves.get("sessions", [])}
     return {
         "suggestions": Table(
             "Which grain to measure next, each chosen given those above it",
@@ -244,7 +243,7 @@ def tables_of_stages(results: Results) -> dict[str, Table]:
             ["", "mean", "sd", "sd of the prior", "determined by"],
             [
                 [name, *numbers(item, mean=4, sd=4, prior_sd=4), item["decided_by"]]
-                for name, item in unknowns.items()
+                for name, item in unknowns_of(curves).items()
             ],
         ),
         "errors": Table(

@@ -29,9 +29,11 @@ KEYWORDS = {
 }
 
 
-def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
+def takes(
+    *groups: str, without: Collection[str] = (), of: Callable | None = None
+) -> Callable[[Any], Any]:
     """Decorate a function so that its `**settings` are the variables of these groups, apart from
-    those of `without`.
+    those of `without`, and the keywords of the function `of` that takes them.
 
     Signature and help list each keyword with its type, its default and its meaning. A name that
     several groups have belongs to the first of them. Other names are refused, and messages name
@@ -48,6 +50,9 @@ def takes(*groups: str, without: Collection[str] = ()) -> Callable[[Any], Any]:
     def decorate(function: Callable) -> Callable:
         own = inspect.signature(function)
         stated = dict(own.parameters)
+        for name, one in inspect.signature(of).parameters.items() if of else ():
+            if one.kind is one.KEYWORD_ONLY and name not in variables:
+                stated.setdefault(name, one)
         stated.pop("settings", None)
         listed = [variable for name, variable in variables.items() if name not in stated]
         keyword = partial(inspect.Parameter, kind=inspect.Parameter.KEYWORD_ONLY)

@@ -164,19 +164,8 @@ class Problem(NativeObject):
         `tables` are columns of equal length by name, as in files of 'measurements', of
         'velocities', and of 'stiffness' in `&knowledge`.
         """
-        text = ""
-        for group, values in groups.items():
-            if values is None:
-                continue
-            text += f"&{group}\n"
-            for name, value in values.items():
-                if value is not None:
-                    with located(origin, group, name):
-                        text += f"{name} = {spelled(value)}\n"
-            text += "/\n"
-        return cls.parse(
-            origin, text, tables, (partial(cls.from_keywords, origin, tables, **groups), ())
-        )
+        made_of = partial(cls.from_keywords, origin, tables, **groups), ()
+        return cls.parse(origin, namelist_of(origin, groups), tables, made_of)
 
     @classmethod
     def parse(
@@ -210,12 +199,18 @@ class Problem(NativeObject):
         for name, variable in CONVERTED.items():
             if file := facts.get(variable):
                 from ..lab.reading import text_with_commas
-                from ..lab.tensors import matrix_of_json
 
-                group, _, name_of_file = variable.partition(".")
-                with located(path, group, name_of_file), located(file):
-                    matrix = matrix_of_json(path.parent / file)
-                pages[name] = matrix or text_with_commas(path.parent / file)
+                pages[name] = text_with_commas(path.parent / file)
+        file, sd = (
+            facts.get("knowledge.stiffness_file"),
+            facts.get("knowledge.stiffness_relative_sd"),
+        )
+        if file and sd and (path.parent / file).is_file():
+            from ..lab.tensors import known_stiffness
+
+            with located(path, "knowledge", "stiffness_file"), located(file):
+                matrix = known_stiffness(path.parent / file, facts["problem.symmetry"], sd)
+            pages["stiffness"] = columns_as_csv(matrix)
         #: The table of a laboratory and the canonical one, if one was read, or None; and the
         #: orientation map with the indents, or None.
         self.table: LaboratoryTable | None = None
@@ -231,8 +226,6 @@ class Problem(NativeObject):
                 found = canonical_table(source, facts, path)
             if found:
                 self.table, self.map, pages["measurements"] = found.table, found.map, found.page
-                if found.refusal:
-                    pages["shared_refusal"] = found.refusal
                 subject = f"the table {file or ''}".strip()
                 notes = [("table_changed", f"{subject}: {note}") for note in found.table.notes]
         if self.map is not None:
@@ -267,6 +260,23 @@ class Problem(NativeObject):
 def columns_as_csv(table: Mapping[str, Iterable]) -> str:
     """The text of columns of equal length."""
     return as_csv(list(table), zip(*table.values(), strict=True))
+
+
+def namelist_of(origin: str, groups: Mapping[str, Mapping | None]) -> str:
+    """The text of variables by group, as arguments of `origin`; values that are None are left
+    out.
+    """
+    text = ""
+    for group, values in groups.items():
+        if values is None:
+            continue
+        text += f"&{group}\n"
+        for name, value in values.items():
+            if value is not None:
+                with located(origin, group, name):
+                    text += f"  {name} = {spelled(value)}\n"
+        text += "/\n"
+    return text
 
 
 def spelled(value: Any) -> str:

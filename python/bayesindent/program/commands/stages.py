@@ -22,6 +22,7 @@ from ...report.formatting import (
     region,
     share_cells,
     suggested_grains,
+    unknowns_of,
 )
 from ...settings.problem import Problem, read_crystals, spelled
 from ...stages.build import ask, tell
@@ -39,7 +40,7 @@ from ..command import (
     report_of,
     show_table,
 )
-from ..from_table import OPTIONS, add_table_options, is_table, namelist_of
+from ..from_table import OPTIONS, add_table_options, is_table, namelist_for
 from . import SUMMARIES, command_of, report
 
 
@@ -87,11 +88,11 @@ def show_curves(document: dict) -> None:
         f"Tip: radius {' ± '.join(numbers(radius, mean=3, sd=3))} um; frame: "
         f"{' ± '.join(numbers(compliance, mean=4, sd=4))} nm/mN"
     )
-    sessions = {f"session {row['session']}".strip(): row["factor"] for row in document["sessions"]}
-    unknowns = document["tip"] | document["frame"] | sessions
     print(
         "Not determined by the curves:",
-        ", ".join(name for name, item in unknowns.items() if item["decided_by"] == "prior")
+        ", ".join(
+            name for name, item in unknowns_of(document).items() if item["decided_by"] == "prior"
+        )
         or "none",
     )
     grains = document["grains"]
@@ -207,7 +208,7 @@ def after_build(arguments: argparse.Namespace, document: dict) -> str:
 def begin_extract(arguments: argparse.Namespace) -> dict:
     """Perform the stage for a namelist, or for a table with options in its place."""
     if is_table(arguments.file):
-        arguments.file = namelist_of(arguments, arguments.file)
+        arguments.file = namelist_for(arguments, arguments.file)
     elif stated := [name for name in OPTIONS if getattr(arguments, name)]:
         option = stated[0].replace("_", "-")
         raise InputError(

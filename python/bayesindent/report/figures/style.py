@@ -10,7 +10,6 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 
 # The palette of Okabe and Ito, which colour-blind readers can distinguish.
 BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
@@ -130,16 +129,6 @@ def house_style(width: float = WIDTH) -> Iterator[None]:
     own = {"backend": "agg", **STYLE, **small, "figure.figsize": (width, width)}
     with mpl.rc_context({**mpl.rcParamsDefault, **own}):
         yield
-
-
-def text_size(figure: Figure) -> float:
-    """The smallest visible font size in points, except for indices of formulas."""
-    seen = (
-        text.get_fontsize()
-        for text in figure.findobj(Text)
-        if text.get_visible() and text.get_text().strip()
-    )
-    return min(seen, default=STYLE["font.size"])
 
 
 def stamp_synthetic(figure: Figure) -> None:

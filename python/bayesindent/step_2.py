@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..common.progress import show_progress
-from ..common.result_files import plain
-from ..core import InputError, NativeObject
-from ..crystal.elasticity import constant_names, stiffness_rows
-from ..settings.keywords import takes, warn_of
-from ..settings.problem import Problem
-from ..surrogate.surrogate import Surrogate
-from .arviz_groups import groups_of, inference_data
-from .measurements import GROUPS, problem_of
+from .common.progress import show_progress
+from .common.result_files import plain
+from .core import InputError, NativeObject
+from .crystal.elasticity import constant_names, stiffness_rows
+from .inference.arviz_groups import groups_of, inference_data
+from .inference.measurements import GROUPS, problem_of
+from .settings.keywords import takes, warn_of
+from .settings.problem import Problem
+from .surrogate.surrogate import Surrogate
 
 #: Draws of the posterior from which moduli are predicted.
 PREDICTED = 500
@@ -32,8 +32,8 @@ LEFT_OUT = (
 
 
 class Analysis(NativeObject):
-    """Step 2 of a table of measurements as an object, see `bi.analysis`. The posterior is sampled
-    when a result is first asked for.
+    """Step 2 of a `problem` with a `surrogate` as an object, see `bi.analysis`. The posterior is
+    sampled when a result is first asked for. The surrogate's `name` is empty if it has none.
 
     Examples
     --------
@@ -44,7 +44,6 @@ class Analysis(NativeObject):
     kind = "analysis"
 
     def __init__(self, problem: Problem, surrogate: Surrogate, name: str = ""):
-        # The surrogate's name is empty if it has none.
         self.problem, self.surrogate, self.name = problem, surrogate, name
         self._hold(surrogate._call("analysis", problem=problem.handle)["handle"])
 
@@ -121,7 +120,7 @@ class Analysis(NativeObject):
 
     def report(self, output: str | PathLike = ".", figures: str = "", paper: bool = False) -> Path:
         """Write the report of the results, see `bi.report`."""
-        from ..report.report import write_report
+        from .report.report import write_report
 
         return write_report(self.posterior, Path(output), figures, paper)[1]
 
@@ -139,15 +138,13 @@ def draws_of(result: Any) -> np.ndarray:
     )
 
 
-@takes(*GROUPS, "next", without=LEFT_OUT)
+@takes(*GROUPS, "next", without=LEFT_OUT, of=problem_of)
 def next_grain(
     measurements: Any,
     symmetry: str | None = None,
     *,
     surrogate: Surrogate | str | PathLike | None = None,
     result: Any = None,
-    bounds: Mapping | None = None,
-    knowledge: Mapping | None = None,
     **settings: Any,
 ) -> dict:
     """Rank orientations by the information that their measurement is expected to add to that of the
@@ -162,7 +159,7 @@ def next_grain(
         A result provides its own measurements and settings.
     result : result of bi.extract, optional
         Draws to reuse if `measurements` is a table.
-    symmetry, surrogate, bounds, knowledge
+    symmetry, surrogate, bounds, knowledge, references
         As in `bi.extract`.
 
     Returns
@@ -188,7 +185,7 @@ def next_grain(
         problem = problem_of_result(result, "bi.next_grain", next=settings)
         analysis = Analysis(problem, loaded(surrogate))
     else:
-        given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge} | settings
+        given = {"symmetry": symmetry} | settings
         analysis = Analysis.of_keywords(
             "bi.next_grain", measurements, surrogate or "halfspace", **given
         )
@@ -197,15 +194,12 @@ def next_grain(
     )
 
 
-@takes(*GROUPS, without=LEFT_OUT)
+@takes(*GROUPS, without=LEFT_OUT, of=problem_of)
 def extract(
     measurements: Any,
     symmetry: str | None = None,
     *,
     surrogate: Surrogate | str | PathLike = "halfspace",
-    bounds: Mapping | None = None,
-    knowledge: Mapping | None = None,
-    references: str | PathLike | None = None,
     progressbar: bool = False,
     **settings: Any,
 ) -> Any:
@@ -254,20 +248,16 @@ def extract(
     >>> c44["verdict"], abs(c44["mean"] - 75.4) < 3 * c44["sd"]
     ('determined', True)
     """
-    given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge}
-    given |= {"references": references} | settings
+    given = {"symmetry": symmetry} | settings
     return Analysis.of_keywords("bi.extract", measurements, surrogate, **given).infer(progressbar)
 
 
-@takes(*GROUPS, without=LEFT_OUT)
+@takes(*GROUPS, without=LEFT_OUT, of=problem_of)
 def analysis(
     measurements: Any,
     symmetry: str | None = None,
     *,
     surrogate: Surrogate | str | PathLike = "halfspace",
-    bounds: Mapping | None = None,
-    knowledge: Mapping | None = None,
-    references: str | PathLike | None = None,
     **settings: Any,
 ) -> Analysis:
     """Step 2 as an object: `posterior`, `summary()`, `diagnosis()`, `predict(euler_deg)`,
@@ -292,12 +282,11 @@ def analysis(
     >>> abs(float(mean[0]) - 134.0) < 5
     True
     """
-    given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge}
-    given |= {"references": references} | settings
+    given = {"symmetry": symmetry} | settings
     return Analysis.of_keywords("bi.analysis", measurements, surrogate, **given)
 
 
-@takes("plan", *GROUPS, without=(*LEFT_OUT, "lattice"))
+@takes("plan", *GROUPS, without=(*LEFT_OUT, "lattice"), of=problem_of)
 def plan(
     symmetry: str,
     constants: ArrayLike,
@@ -305,8 +294,6 @@ def plan(
     noise: ArrayLike,
     *,
     surrogate: Surrogate | str | PathLike = "halfspace",
-    bounds: Mapping | None = None,
-    knowledge: Mapping | None = None,
     **settings: Any,
 ) -> dict:
     """Plan measurements: `results` has the expected `sd` in GPa of each constant for each number of
@@ -317,7 +304,7 @@ def plan(
     constants, grains, noise
         As in `&plan`; the constants in the order of `bi.constants(symmetry)`, the others numbers or
         lists.
-    symmetry, surrogate, bounds, knowledge
+    symmetry, surrogate, bounds, knowledge, references
         As in `bi.extract`.
 
     Examples
@@ -326,8 +313,8 @@ def plan(
     >>> sorted(found["results"][0]["sd"])
     ['C11', 'C12', 'C44']
     """
-    given = {"symmetry": symmetry, "bounds": bounds, "knowledge": knowledge}
-    given |= {"constants": constants, "grains": grains, "noise": noise} | settings
+    given = {"symmetry": symmetry, "constants": constants, "grains": grains, "noise": noise}
+    given |= settings
     return Analysis.of_keywords("bi.plan", None, surrogate, **given).document("plan")
 
 
