@@ -62,6 +62,9 @@ def test_a_document_is_the_known_stiffness(tmp_path, form):
     groups["knowledge"]["stiffness_file"] = plain
     assert stated.measurements is not None
     assert "stiffness_relative_sd" in stated.resolved and Problem.from_keywords("f", **groups)
+    groups["knowledge"] = {"stiffness_file": path}
+    with pytest.raises(bi.InputError, match=r"copper.json: a matrix needs stiffness_relative_sd"):
+        Problem.from_keywords("f", **groups)
 
 
 @pytest.mark.parametrize(

@@ -23,10 +23,12 @@ words_of = re.compile(r"[^\s,\[\]()|]+").findall
 TOLERANCE = 0.01
 
 
-def known_stiffness(path: Path, symmetry: str, relative_sd: float) -> dict[str, list]:
+def known_stiffness(path: Path, symmetry: str | None, relative_sd: float | None) -> dict[str, list]:
     """The table of a matrix: 6 x 6 numbers, 21 of a triangle, or a document. The constants have one
     relative sd; of entries that are equal by symmetry those of the constants count.
     """
+    if not (symmetry and relative_sd):
+        raise InputError("a matrix needs stiffness_relative_sd, and &problem symmetry")
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"more than {MOST_BYTES} bytes")
     text = matrix_of_json(path) or decoded(path.read_bytes())[0]

@@ -201,15 +201,12 @@ class Problem(NativeObject):
                 from ..lab.reading import text_with_commas
 
                 pages[name] = text_with_commas(path.parent / file)
-        file, sd = (
-            facts.get("knowledge.stiffness_file"),
-            facts.get("knowledge.stiffness_relative_sd"),
-        )
-        if file and sd and (path.parent / file).is_file():
+        file, sd = (facts.get(f"knowledge.stiffness_{name}") for name in ("file", "relative_sd"))
+        if file and (sd or file.endswith(".json")) and (path.parent / file).is_file():
             from ..lab.tensors import known_stiffness
 
             with located(path, "knowledge", "stiffness_file"), located(file):
-                matrix = known_stiffness(path.parent / file, facts["problem.symmetry"], sd)
+                matrix = known_stiffness(path.parent / file, facts.get("problem.symmetry"), sd)
             pages["stiffness"] = columns_as_csv(matrix)
         #: The table of a laboratory and the canonical one, if one was read, or None; and the
         #: orientation map with the indents, or None.
