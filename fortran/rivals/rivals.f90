@@ -111,13 +111,14 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(case_type) :: case
       type(row_type), allocatable :: rows(:)
+      !> Residuals less the shared errors, in sds.
       real(wp) :: residuals(posterior%n_grains), log_likelihood
       integer :: i
 
       allocate (diagnosis%rivals(0))
       diagnosis%share_within = spread(1.0_wp, 1, posterior%n_constants)
       if (posterior%n_moduli == 0 .or. allocated(posterior%unknown)) return
-      call set_misfit(posterior, best, diagnosis, residuals, log_likelihood, error)
+      call set_misfit()
       if (allocated(error)) return
       call new_case(problem, surrogate, posterior, residuals(:posterior%n_moduli), case, error)
       if (allocated(error)) return
@@ -150,6 +151,33 @@ contains
 
    contains
 
+      !> Set chi-square at the point of high density, with the errors that the moduli share.
+      subroutine set_misfit()
+         type(harmonics_type) :: harmonics
+         real(wp), dimension(posterior%n_grains) :: model, scales
+         real(wp), allocatable :: u(:, :), b(:), l(:, :)
+
+         call posterior%predict_measurements(best, posterior%stiffness(best), model, scales, u)
+         residuals = (posterior%data%modulus - model)/scales
+         call posterior%errors%integrate(residuals, u, b, l, log_likelihood)
+         log_likelihood = log_likelihood - sum(log(scales))
+         residuals = residuals - matmul(u, b)
+         ! Indentation determines as many combinations of constants as there are harmonics.
+         call new_harmonics(posterior%prior%class%generators, 4, harmonics, error)
+         if (allocated(error)) return
+         if (posterior%infers_scale .or. posterior%settings%likelihood /= 'normal' &
+            & .or. posterior%n_moduli <= harmonics%n) then
+            return
+         end if
+         associate (n => posterior%n_moduli, chi_square => diagnosis%chi_square, &
+            & freedom => diagnosis%freedom)
+            chi_square = sum(residuals(:n)**2) + sum(b**2)
+            freedom = n - harmonics%n
+            diagnosis%p = chi_square_above(chi_square, nint(freedom))
+            diagnosis%factor = sqrt(chi_square/freedom)
+         end associate
+      end subroutine set_misfit
+
       !> Find how much of what the measurements determine without the limits is within the bounds.
       subroutine find_cuts()
          !> Relative sd of a constant that the measurements determine.
@@ -179,39 +207,6 @@ contains
          end do
       end subroutine find_cuts
    end subroutine compare_rivals
-
-   !> Set chi-square at a point of high density, with the errors that the moduli share.
-   subroutine set_misfit(posterior, x, diagnosis, residuals, log_likelihood, error)
-      type(posterior_type), intent(in) :: posterior
-      real(wp), intent(in) :: x(:)
-      type(diagnosis_type), intent(inout) :: diagnosis
-      !> Less the shared errors, in sds, (grain).
-      real(wp), intent(out) :: residuals(:), log_likelihood
-      type(error_type), allocatable, intent(out) :: error
-      type(harmonics_type) :: harmonics
-      real(wp), dimension(posterior%n_grains) :: model, scales
-      real(wp), allocatable :: u(:, :), b(:), l(:, :)
-
-      call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
-      residuals = (posterior%data%modulus - model)/scales
-      call posterior%errors%integrate(residuals, u, b, l, log_likelihood)
-      log_likelihood = log_likelihood - sum(log(scales))
-      residuals = residuals - matmul(u, b)
-      ! Indentation determines as many combinations of constants as there are harmonics.
-      call new_harmonics(posterior%prior%class%generators, 4, harmonics, error)
-      if (allocated(error)) return
-      if (posterior%infers_scale .or. posterior%settings%likelihood /= 'normal' &
-         & .or. posterior%n_moduli <= harmonics%n) then
-         return
-      end if
-      associate (n => posterior%n_moduli, chi_square => diagnosis%chi_square, &
-         & freedom => diagnosis%freedom)
-         chi_square = sum(residuals(:n)**2) + sum(b**2)
-         freedom = n - harmonics%n
-         diagnosis%p = chi_square_above(chi_square, nint(freedom))
-         diagnosis%factor = sqrt(chi_square/freedom)
-      end associate
-   end subroutine set_misfit
 
    !> Turn evidences into posterior odds, and sort them.
    subroutine weigh(diagnosis)

@@ -103,7 +103,7 @@ contains
       n_first = merge(n_planned, n_broad, is_plan)
       call begin_progress('exact values of the film', int(n_first + merge(0, most_rounds*(n_drawn &
          & + n_spread), is_plan), i8))
-      call find_broad(self, is_plan, error)
+      call find_broad()
       if (.not. allocated(error)) call add_spread(self, n_first, 0, error)
       if (.not. allocated(error)) call fit(self, error)
       do round = 1, merge(0, most_rounds, is_plan)
@@ -127,41 +127,39 @@ contains
       end do
       call end_progress()
       surrogate = self%surrogate
+
+   contains
+
+      !> Set the domain to the broad region about the crystal of &plan, or the isotropic crystal
+      !> with the mean measurement.
+      subroutine find_broad()
+         type(observable_type) :: observable
+         real(wp) :: crystal(6, 6), poisson, anisotropy, scale, young
+
+         associate (model => problem%settings%measurements, domain => self%domain, &
+            & known => self%known)
+            if (is_plan) then
+               crystal = problem%class%stiffness(problem%settings%plan%constants)
+            else
+               call new_observable(model%modulus_kind, model, observable, error)
+               if (allocated(error)) return
+               young = sum(problem%data%measurements%modulus_gpa) &
+                  & /size(problem%data%measurements%modulus_gpa)
+               young = young_of_film(problem, young/max(observable%factor &
+                  & - observable%compliance*young, 1.0e-3_wp), typical_poisson)
+               crystal = isotropic_stiffness(young, typical_poisson)
+            end if
+            call logarithmic_mean(crystal, poisson, anisotropy, scale)
+            domain%log_anisotropy_max = broad_anisotropy
+            domain%poisson = broad_poisson
+            domain%stiffness = scale*[1.0_wp/broad_scale, broad_scale]
+            call complete_domain(problem%class%name, domain, error)
+            domain%is_extended = .true.
+            allocate (known%constants(problem%class%n_constants, 0), known%euler_deg(3, 0), &
+               & known%modulus(0), known%by_stiffness(n_derivatives, 0), self%noise(0))
+         end associate
+      end subroutine find_broad
    end subroutine train_film
-
-   !> Set the domain to the broad region about the crystal of &plan, or the isotropic crystal with
-   !> the mean measurement.
-   subroutine find_broad(self, is_plan, error)
-      type(training_type), intent(inout) :: self
-      !> As in `train_film`.
-      logical, intent(in) :: is_plan
-      type(error_type), allocatable, intent(out) :: error
-      type(observable_type) :: observable
-      real(wp) :: crystal(6, 6), poisson, anisotropy, scale, young
-
-      associate (problem => self%problem, model => self%problem%settings%measurements, &
-         & domain => self%domain, known => self%known)
-         if (is_plan) then
-            crystal = problem%class%stiffness(problem%settings%plan%constants)
-         else
-            call new_observable(model%modulus_kind, model, observable, error)
-            if (allocated(error)) return
-            young = sum(problem%data%measurements%modulus_gpa) &
-               & /size(problem%data%measurements%modulus_gpa)
-            young = young_of_film(problem, young/max(observable%factor &
-               & - observable%compliance*young, 1.0e-3_wp), typical_poisson)
-            crystal = isotropic_stiffness(young, typical_poisson)
-         end if
-         call logarithmic_mean(crystal, poisson, anisotropy, scale)
-         domain%log_anisotropy_max = broad_anisotropy
-         domain%poisson = broad_poisson
-         domain%stiffness = scale*[1.0_wp/broad_scale, broad_scale]
-         call complete_domain(problem%class%name, domain, error)
-         domain%is_extended = .true.
-         allocate (known%constants(problem%class%n_constants, 0), known%euler_deg(3, 0), &
-            & known%modulus(0), known%by_stiffness(n_derivatives, 0), self%noise(0))
-      end associate
-   end subroutine find_broad
 
    !> Add values at crystals that are spread over the domain.
    subroutine add_spread(self, n, number, error)
