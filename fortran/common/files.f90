@@ -74,11 +74,13 @@ contains
 
    !> Read the `content` of a text file, without a UTF-8 byte order mark. The message of a refusal
    !> does not name the file.
-   subroutine read_text_file(path, content, error)
+   subroutine read_text_file(path, content, error, comment)
       character(len=*), intent(in) :: path
       character(len=:), allocatable, intent(out) :: content
       type(error_type), allocatable, intent(out) :: error
-      integer :: invalid_byte, line, line_end, i
+      !> Sign that begins a comment, which may be of any encoding.
+      character, intent(in), optional :: comment
+      integer :: invalid_byte, line, line_end, first, i
       logical :: exists
 
       inquire (file=path, exist=exists)
@@ -93,6 +95,21 @@ contains
       end if
       if (allocated(error)) return
       invalid_byte = not_utf8(content)
+      if (present(comment)) then
+         ! Comments may be of another encoding.
+         do while (invalid_byte > 0)
+            line_end = invalid_byte + index(content(invalid_byte:)//achar(10), achar(10)) - 2
+            line = index(content(:invalid_byte), achar(10), back=.true.) + 1
+            first = line + index(content(line:invalid_byte), comment) - 1
+            ! A sign in quotes begins no comment.
+            if (first < line .or. mod(count([(scan(content(i:i), '''"') > 0, i=line, first)]), 2) &
+               & > 0) then
+               exit
+            end if
+            content(first:line_end) = ''
+            invalid_byte = not_utf8(content)
+         end do
+      end if
       if (index(content, 'PK'//achar(3)//achar(4)) == 1) then
          call refuse(error, 'the file is a spreadsheet or another zip archive (.xlsx, .ods), not ' &
             & //'text: save its sheet as CSV')

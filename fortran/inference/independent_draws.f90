@@ -7,7 +7,7 @@
 !> 25, 72, 2024).
 module independent_draws
    use abstract_sampler, only: chain_type, estimate_type, target_type
-   use kinds, only: wp
+   use kinds, only: i8, wp
    use moves, only: mixture_move_type, points_type
    use random, only: random_stream_type
    use running_command, only: stop_requested
@@ -38,7 +38,7 @@ contains
       !> chain is the better way.
       real(wp), parameter :: good_quality = 0.57_wp, least_quality = 0.1_wp
       type(estimate_type) :: estimate
-      integer :: round, n_steps, finals
+      integer :: round, n, finals
 
       is_made = .false.
       if (allocated(chain%estimate)) deallocate (chain%estimate)
@@ -52,16 +52,16 @@ contains
       end do
       do finals = 1, most_finals
          if (mixture%quality < least_quality) return
-         n_steps = max(steps_of(mixture%quality), (least_draws - 1)/size(chain%log_density) + 1)
-         call mixture%draw_inside(target, stream, n_steps*size(chain%log_density))
-         if (stop_requested()) return
-         if (size(mixture%log_weights) < n_steps*size(chain%log_density)) return
+         n = max(least_draws, size(chain%log_density), &
+            & ceiling(proposals_of(mixture%quality)*size(chain%log_density)))
+         call mixture%draw_inside(target, stream, n)
+         if (stop_requested() .or. size(mixture%log_weights) < n) return
          estimate = estimate_of(mixture%pool%w, mixture%log_weights)
          if (estimate%is_reliable .or. finals == most_finals) exit
          call mixture%learn()
       end do
       is_made = .true.
-      call propose_all(mixture%pool, mixture%log_weights, n_steps, stream, chain)
+      call propose_all(mixture%pool, mixture%log_weights, stream, chain)
       if (.not. estimate%is_reliable) return
       ! The mixture is a density in whitened coordinates.
       estimate%log_integral = estimate%log_integral + log(mixture%share_inside) &
@@ -69,26 +69,24 @@ contains
       chain%estimate = estimate
    end subroutine draw_independently
 
-   !> Number of proposals for a sample of the chain, with which about 40 % of the samples are
+   !> Number of proposals for a sample of the chain, with which about half of the samples are
    !> effective ones.
-   pure integer function steps_of(quality)
+   pure real(wp) function proposals_of(quality)
       !> Effective share of the draws.
       real(wp), intent(in) :: quality
 
-      steps_of = ceiling(0.4_wp*(2.0_wp - quality)/quality)
-   end function steps_of
+      proposals_of = 0.5_wp*(2.0_wp - quality)/quality
+   end function proposals_of
 
    !> The chain of Metropolis and Hastings with some proposals. It starts at one that is drawn by
    !> the weights.
-   subroutine propose_all(points, log_weights, n_steps, stream, chain)
+   subroutine propose_all(points, log_weights, stream, chain)
       class(points_type), intent(in) :: points
       real(wp), intent(in) :: log_weights(:)
-      !> Proposals for a sample.
-      integer, intent(in) :: n_steps
       type(random_stream_type), intent(inout) :: stream
       type(chain_type), intent(inout) :: chain
       real(wp) :: v, cumulated, greatest
-      integer :: i, k, present_one, accepted
+      integer :: i, k, n_samples, present_one, accepted
 
       greatest = maxval(log_weights)
       call stream%uniform(v)
@@ -99,14 +97,17 @@ contains
          if (v < cumulated) exit
       end do
       accepted = 0
+      k = 0
+      n_samples = size(chain%log_density)
       do i = 1, size(log_weights)
          call stream%uniform(v)
          if (log(v) < log_weights(i) - log_weights(present_one)) then
             present_one = i
             accepted = accepted + 1
          end if
-         if (mod(i, n_steps) > 0) cycle
-         k = i/n_steps
+         ! Samples are at equal distances.
+         if (int(i, i8)*n_samples/size(log_weights) == k) cycle
+         k = k + 1
          chain%draws(:, k) = points%w(:, present_one)
          chain%log_density(k) = points%log_density(present_one)
       end do

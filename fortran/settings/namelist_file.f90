@@ -7,7 +7,7 @@
 module namelist_file
    use errors, only: error_type, prefix_error, refuse_input => refuse
    use files, only: printable
-   use text, only: line_type, lower, newline, to_text
+   use text, only: line_type, lower, newline, read_integer, to_text
    implicit none
    private
    public :: entry_type, value_type, parse_namelist, find_entry
@@ -36,9 +36,9 @@ module namelist_file
 
    character(len=*), parameter :: blanks = ' '//achar(9)//achar(13)
    character(len=*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ_'
-   !> More values than any array of the program has elements; more groups and variables than any
-   !> input has.
-   integer, parameter :: most_values = 10000, most_names = 2000
+   !> Upper bounds, checked before memory is allocated: more repetitions and values than any array
+   !> of the program has elements; more groups and variables than any input has.
+   integer, parameter :: most_repeats = 10000, most_values = most_repeats, most_names = 2000
 
 contains
 
@@ -60,6 +60,12 @@ contains
       type(parser_type) :: parser
 
       parser%text = content//newline
+      ! Line ends of old Macintoshes.
+      if (index(content, newline) == 0) then
+         do while (index(parser%text, achar(13)) > 0)
+            parser%text(index(parser%text, achar(13)):index(parser%text, achar(13))) = newline
+         end do
+      end if
       parser%group = ''
       parser%name = ''
       allocate (parser%file(0))
@@ -113,6 +119,7 @@ contains
          select case (peek(parser))
          case ('/')
             parser%position = parser%position + 1
+            call skip_tail(parser)
             return
          case ('&', '')
             parser%position = parser%position + 1
@@ -128,23 +135,37 @@ contains
       end do
    end subroutine parse_group
 
-   !> Parse `name = value, value ...`.
+   !> Skip the text that a blank separates from the / before it, to the end of the line. It must
+   !> begin no group and set no variable.
+   subroutine skip_tail(parser)
+      type(parser_type), intent(inout) :: parser
+      character(len=:), allocatable :: rest
+      integer :: length
+
+      length = index(parser%text(parser%position:), newline) - 1
+      rest = parser%text(parser%position:parser%position + length - 1)
+      if (index(blanks, peek(parser)) > 0 .and. scan(rest, '=&') == 0) then
+         parser%position = parser%position + length
+      end if
+   end subroutine skip_tail
+
+   !> Parse `name = value, value ...`, or a part of a list: `name(2) = value`.
    subroutine parse_entry(parser)
       type(parser_type), intent(inout) :: parser
       type(entry_type) :: entry
       character(len=:), allocatable :: rest
+      integer :: first, i
 
+      first = 0
       entry%group = parser%group
       entry%line = parser%line
       rest = rest_of_line(parser)
       call read_name(parser, entry%name)
       parser%name = entry%name
       call skip_blanks(parser)
+      if (peek(parser) == '(') call read_subscript(parser, entry%line, first)
       if (len(entry%name) == 0) then
          call refuse(parser, rest//' is not understood; name = value is needed', entry%line)
-      else if (peek(parser) == '(') then
-         call refuse(parser, 'a subscript is not allowed; give all values at once: ' &
-            & //printable(entry%name)//' = a, b, c', entry%line)
       else if (peek(parser) /= '=') then
          call refuse(parser, &
             & 'no = after the name in '//rest//'; name = value is needed', entry%line)
@@ -152,9 +173,44 @@ contains
       if (allocated(parser%error)) return
       parser%position = parser%position + 1
       call parse_values(parser, entry)
-      call add_entry(parser, entry)
+      i = 0
+      if (first > 1) i = find_entry(parser%file, entry%group, entry%name)
+      if (i > 0) then
+         if (first == size(parser%file(i)%values) + 1) then
+            parser%file(i)%values = [parser%file(i)%values, entry%values]
+         else
+            i = 0
+         end if
+      end if
+      if (first > 1 .and. i == 0) then
+         call refuse(parser, 'the subscript '//to_text(first)//' does not follow the one before; ' &
+            & //'give all values at once: '//printable(entry%name)//' = a, b, c', entry%line)
+      end if
+      ! A null value leaves the default.
+      if (i == 0 .and. size(entry%values) > 0) call add_entry(parser, entry)
       parser%name = ''
    end subroutine parse_entry
+
+   !> Read a subscript, '(2)' or '(2:4)'.
+   subroutine read_subscript(parser, line, first)
+      type(parser_type), intent(inout) :: parser
+      integer, intent(in) :: line
+      !> The subscript of the first value.
+      integer, intent(out) :: first
+      integer :: length, last, outcome
+
+      length = index(parser%text(parser%position:), ')')
+      associate (inside => parser%text(parser%position + 1:parser%position + max(1, length) - 2))
+         last = index(inside//':', ':') - 1
+         call read_integer(trim(adjustl(inside(:last))), first, outcome)
+         if (length == 0 .or. first < 1 .or. first > most_values &
+            & .or. verify(inside, '0123456789: ') > 0) then
+            call refuse(parser, 'the subscript is not understood; (1) or (1:3) is', line)
+         end if
+      end associate
+      parser%position = parser%position + max(1, length)
+      call skip_blanks(parser)
+   end subroutine read_subscript
 
    !> Append a group or a variable; refuse one that is there already.
    subroutine add_entry(parser, entry)
@@ -179,11 +235,12 @@ contains
       type(entry_type), intent(inout) :: entry
       type(value_type) :: value
       character :: mark
-      integer :: length, start(2)
-      logical :: needs_value
+      integer :: length, repeats, start(2), i
+      logical :: needs_value, is_null
 
       allocate (entry%values(0))
       needs_value = .true.
+      is_null = .false.
       do while (.not. allocated(parser%error))
          call skip_blanks(parser)
          mark = peek(parser)
@@ -192,15 +249,17 @@ contains
          case ('', '/', '&')
             exit
          case (',')
-            if (needs_value) then
+            if (needs_value .and. (is_null .or. size(entry%values) > 0)) then
                call refuse(parser, 'a comma without a value before it', parser%line)
             end if
+            is_null = needs_value
             needs_value = .true.
             parser%position = parser%position + 1
             cycle
          case ('=', '(')
             call refuse(parser, mark//' where a value must be', parser%line)
          case ('''', '"')
+            repeats = 1
             call read_quoted(parser, value)
          case default
             length = scan(parser%text(parser%position:), blanks//newline//',/!&=(''"') - 1
@@ -213,19 +272,49 @@ contains
                parser%line = start(2)
                exit
             end if
-            value%quoted = .false.
+            call split_repeats(parser, value, repeats)
          end select
+         if (is_null) call refuse(parser, 'a comma without a value before it', start(2))
          if (allocated(parser%error)) return
-         if (size(entry%values) == most_values) then
+         if (size(entry%values) + repeats > most_values) then
             call refuse(parser, 'more than '//to_text(most_values)//' values')
          end if
-         entry%values = [entry%values, value]
+         if (allocated(parser%error)) return
+         entry%values = [entry%values, (value, i=1, repeats)]
          needs_value = .false.
       end do
-      if (size(entry%values) == 0) then
+      if (size(entry%values) == 0 .and. .not. is_null) then
          call refuse(parser, 'no value follows the =', entry%line)
       end if
    end subroutine parse_values
+
+   !> Remove the count of `3*1.0` or `2*'a'` from a value.
+   subroutine split_repeats(parser, value, repeats)
+      type(parser_type), intent(inout) :: parser
+      type(value_type), intent(inout) :: value
+      integer, intent(out) :: repeats
+      character(len=:), allocatable :: count
+      integer :: star, outcome
+
+      value%quoted = .false.
+      repeats = 1
+      star = index(value%text, '*')
+      count = value%text(:star - 1)
+      if (star < 2 .or. verify(count, '0123456789') > 0) return
+      call read_integer(count, repeats, outcome)
+      if (repeats < 1 .or. repeats > most_repeats) then
+         call refuse(parser, 'the repeat count of '//printable(value%text) &
+            & //' is out of range; allowed 1 to '//to_text(most_repeats))
+      end if
+      if (allocated(parser%error)) return
+      value%text = value%text(star + 1:)
+      if (len(value%text) > 0) return
+      if (scan(peek(parser), '''"') > 0) then
+         call read_quoted(parser, value)
+      else
+         call refuse(parser, 'no value follows the repeat count '//count//'*')
+      end if
+   end subroutine split_repeats
 
    !> Read a text in quotes of either kind. A doubled quote inside stands for one.
    subroutine read_quoted(parser, value)

@@ -159,7 +159,7 @@ contains
 
       if (reserve_blas(1) < 1) call raise_no_memory('linear algebra', error)
       if (allocated(error)) return
-      call read_text_file(path, content, error)
+      call read_text_file(path, content, error, comment='!')
       if (.not. allocated(error)) call parse_namelist(content, namelist, error)
       if (.not. allocated(error) .and. len(changes) > 0) then
          call parse_namelist(changes, stated, error)

@@ -313,7 +313,7 @@ CUBIC_PRIORS = """
 """
 HEXAGONAL_PRIORS = """
  /
-&knowledge quantity = 'C33/C11', 'C13/C12', 'C44/C66', mean = 1.1, 0.75, 1.3, sd = 0.1, 0.1, 0.2
+&knowledge quantity = 'C33/C11', 'C13/C12', 'C44/C66', mean = 1.1, 0.75, 1.3, sd = 2*0.1, 0.2
 """
 
 

@@ -11,7 +11,19 @@ CUBIC = "&problem symmetry = 'cubic'"
 #: Namelists, and the values that they state.
 READ = {
     "blanks after a choice": (f"{CUBIC[:-1]}  ' seed = 7 /", {"problem.seed": 7}),
+    "Latin-1 in a comment": (f"{CUBIC} ! Gr\xf6\xdfe of 3\n seed = 7 /", {"problem.seed": 7}),
+    "null value": (f"{CUBIC} seed = , synthetic = .true. /", {"problem.synthetic": True}),
     "short logical": (f"{CUBIC} synthetic = .t /", {"problem.synthetic": True}),
+    "range": (
+        f"{CUBIC} reference_gpa(1:3) = 225, 135, 118 /",
+        {"problem.reference_gpa": [225, 135, 118]},
+    ),
+    "subscripts": (
+        f"{CUBIC} reference_gpa(1) = 225 reference_gpa(2) = 135\n reference_gpa( 3 ) = 118 /",
+        {"problem.reference_gpa": [225, 135, 118]},
+    ),
+    "text after the slash": (f"{CUBIC} seed = 7 / the specimen of May", {"problem.seed": 7}),
+    "ends of lines of CR": (f"! a comment\r{CUBIC} seed = 7 /\r", {"problem.seed": 7}),
 }
 REFUSED = {
     "a comma after the name": f"&problem, {CUBIC[9:]} seed = 7 /",
@@ -21,15 +33,9 @@ REFUSED = {
     "text before": f"Run of Tuesday\n{CUBIC} seed = 7 /",
     "setting after the slash": f"{CUBIC} / seed = 7",
     "path without quotes": f"{CUBIC} title = data/a.csv\n /",
-    "null value": f"{CUBIC} seed = , synthetic = .true. /",
-    "text after the slash": f"{CUBIC} seed = 7 / the specimen of May",
-    "ends of lines of CR": f"! a comment\r{CUBIC} seed = 7 /\r",
-    "range": f"{CUBIC} reference_gpa(1:3) = 225, 135, 118 /",
-    "subscript": f"{CUBIC} reference_gpa(1) = 225 reference_gpa(2) = 135 /",
-    "repeat count": f"{CUBIC} reference_gpa = 3*118 /",
+    "subscript of the wrong order": f"{CUBIC} reference_gpa(2) = 135 reference_gpa(1) = 225 /",
     "subscript that is no number": f"{CUBIC} reference_gpa(a) = 135 /",
     "null value within a list": f"{CUBIC} reference_gpa = 225, , 118 /",
-    "Latin-1 in a comment": f"{CUBIC} ! Gr\xf6\xdfe of 3\n seed = 7 /",
     "Latin-1 in a text": f"{CUBIC} title = 'Gr\xf6\xdfe' /",
 }
 

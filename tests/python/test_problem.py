@@ -77,7 +77,7 @@ def test_defaults_and_values(tmp_path):
         "&design budget = 30, &end\n"
         "&indenter radius_um=1.6d1/\n"
         "&simulation VTU=t/\n"
-        "&prior c_min = 20 2e1 10 1.e1, 10\n c_max = 500. 500 500 500 500, /",
+        "&prior c_min = 2*20 3*1e1\n c_max = 5*500. /",
     )
     problem = bi.Problem(path, "build")
     settings = problem.settings
@@ -114,8 +114,7 @@ def test_defaults_and_values(tmp_path):
 
 def test_resolved_file_resolves_to_itself(tmp_path):
     path = write(
-        tmp_path,
-        HEAD.replace("7.2", "0.1234567890123456789") + "&design /\n&prior c_max = 300 300 300/",
+        tmp_path, HEAD.replace("7.2", "0.1234567890123456789") + "&design /\n&prior c_max = 3*300/"
     )
     problem = bi.Problem(path)
     again = bi.Problem(write(tmp_path, problem.resolved, "again.nml"))
