@@ -130,7 +130,7 @@ contains
 
       !> Set the error of the surrogate, and its distance from the theory.
       subroutine test_surrogate()
-         real(wp), dimension(size(self%surrogate%simulations%modulus)) :: theory, circular
+         real(wp), dimension(size(self%surrogate%simulations%modulus)) :: theory
          real(wp), allocatable :: modulus(:), sd(:)
 
          associate (posterior => self%posterior, n => self%posterior%n_moduli, &
@@ -138,7 +138,7 @@ contains
             if (self%surrogate%contact_radius > 0.0_wp) then
                call halfspace_moduli( &
                   & self%surrogate%basis%domain%class%stiffnesses(known%constants), &
-                  & known%euler_deg, 1, theory, circular, error)
+                  & known%euler_deg, 1, theory, error)
                if (allocated(error)) return
                self%surrogate_correction = sum(abs(known%modulus/theory - 1.0_wp))/size(theory)
             end if

@@ -249,7 +249,7 @@ contains
       subroutine find_crystal(name)
          character(len=*), intent(in) :: name
          integer, parameter :: directions = 12
-         real(wp), allocatable :: euler(:, :), weights(:), moduli(:), circular(:)
+         real(wp), allocatable :: euler(:, :), weights(:), moduli(:)
          integer :: k, m
 
          associate (crystals => problem%data%references)
@@ -267,9 +267,9 @@ contains
                & weights)
             euler = reshape([problem%data%reference_grains%euler_deg(:, i), euler/degree], &
                & [3, size(weights) + 1])
-            allocate (moduli(size(euler, 2)), circular(size(euler, 2)))
+            allocate (moduli(size(euler, 2)))
             call halfspace_moduli(spread(crystals%stiffness(:, :, k), 3, size(moduli)), euler, 1, &
-               & moduli, circular, error)
+               & moduli, error)
             if (allocated(error)) return
             log_modulus(i) = log(moduli(1))
             log_mean(i) = dot_product(weights, log(moduli(2:)))

@@ -90,7 +90,7 @@ contains
          ! contact.
          allocate (x%values(size(c, 3), 2))
          call halfspace_moduli(c, x%in%columns('euler_deg', 3), x%threads(), x%values(:, 1), &
-            & x%values(:, 2), x%error)
+            & x%error, x%values(:, 2))
       case ('waves')
          !> stiffness, euler_deg, propagation_deg, density_kg_m3 -> values
          ! Speeds of the surface wave and of the slowest bulk wave (m/s), and the normal share of

@@ -37,7 +37,7 @@ contains
       type(surrogate_type) :: surrogate
       character(len=:), allocatable :: file
       type(diagnostic_type), allocatable :: warnings(:)
-      real(wp), allocatable :: stiffness(:, :, :), largest(:), theory(:), circular(:)
+      real(wp), allocatable :: stiffness(:, :, :), largest(:), theory(:)
       integer :: i, n_simulations
 
       associate (learning => self%learning, settings => self%problem%settings, &
@@ -65,8 +65,8 @@ contains
          call page%put('terms', surrogate%basis%n_terms)
          call put_state(page, learning%history(size(learning%history)))
          call page%put('stopped', self%stopped)
-         allocate (theory(learning%n()), circular(learning%n()))
-         call halfspace_moduli(stiffness, known%euler_deg, 1, theory, circular, error)
+         allocate (theory(learning%n()))
+         call halfspace_moduli(stiffness, known%euler_deg, 1, theory, error)
          if (allocated(error)) return
          ! Mean absolute errors, on the same simulations, of the half-space theory and of the theory
          ! times the geometric mean of simulated modulus/theory.

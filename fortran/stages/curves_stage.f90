@@ -107,7 +107,7 @@ contains
       subroutine find_reference(material)
          type(material_type), intent(inout) :: material
          character(len=:), allocatable :: names
-         real(wp) :: modulus(1), circular(1), sd, effective
+         real(wp) :: modulus(1), sd, effective
          integer :: i
 
          names = ''
@@ -126,7 +126,7 @@ contains
                   names = names//', '//self%problem%data%references%name(i)
                   if (self%problem%data%references%name(i) /= material%name) cycle
                   call halfspace_moduli(self%problem%data%references%stiffness(:, :, i:i), &
-                     & self%problem%data%references%euler_deg(:, i:i), 1, modulus, circular, error)
+                     & self%problem%data%references%euler_deg(:, i:i), 1, modulus, error)
                   if (allocated(error)) return
                   sd = r%crystal_sd
                end do

@@ -40,7 +40,7 @@ contains
             modulus = films%modulus
          else
             call halfspace_moduli(points%stiffness, points%euler_deg, &
-               & self%problem%threads(), modulus, circular, error)
+               & self%problem%threads(), modulus, error, circular)
             call self%problem%locate('crystals', 'points', error)
          end if
          if (.not. allocated(error) .and. all(points%paths%is_speed()) &

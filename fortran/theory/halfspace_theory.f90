@@ -102,13 +102,15 @@ contains
 
    !> Moduli of many crystals on `threads` threads. The error is that of the first crystal that has
    !> one.
-   subroutine halfspace_moduli(stiffness, euler_deg, threads, modulus, circular, error)
+   subroutine halfspace_moduli(stiffness, euler_deg, threads, modulus, error, circular)
       !> GPa, (6, 6, n); Bunge-Euler angles in degrees, (3, n).
       real(wp), intent(in) :: stiffness(:, :, :), euler_deg(:, :)
       integer, intent(in) :: threads
-      !> Exact, and of a circular contact, GPa (n).
-      real(wp), intent(out) :: modulus(:), circular(:)
+      !> GPa, (n).
+      real(wp), intent(out) :: modulus(:)
       type(error_type), allocatable, intent(out) :: error
+      !> Of a circular contact, GPa, (n).
+      real(wp), intent(out), optional :: circular(:)
       type(halfspace_type) :: result
       type(error_type), allocatable :: own_error
       logical :: failed(size(modulus))
@@ -118,7 +120,7 @@ contains
       do i = 1, size(modulus)
          call halfspace_modulus(stiffness(:, :, i), degree*euler_deg(:, i), result, own_error)
          modulus(i) = result%modulus
-         circular(i) = result%modulus_circular
+         if (present(circular)) circular(i) = result%modulus_circular
          failed(i) = allocated(own_error)
       end do
       !$omp end parallel do
