@@ -57,28 +57,25 @@ module campaign_file
    character(len=*), parameter :: tables = 'index simulation_by_position, table physics, ' &
       & //'table simulation, trigger simulation_is_not_changed, trigger simulation_is_not_deleted'
 
-   character(len=*), parameter :: layout = 'CREATE TABLE physics ('//newline &
-      & //'    id INTEGER PRIMARY KEY,'//newline//'    identity TEXT NOT NULL UNIQUE           ' &
-      & //'-- JSON, keys sorted'//newline//');'//newline//'CREATE TABLE simulation ('//newline &
-      & //'    id INTEGER PRIMARY KEY,'//newline//'    physics_id INTEGER NOT NULL REFERENCES ' &
-      & //'physics(id),'//newline//'    position INTEGER NOT NULL,              -- order of ' &
-      & //'choice within the physics, from 0'//newline//'    symmetry TEXT NOT NULL,'//newline &
-      & //'    constants TEXT NOT NULL,                -- JSON list, GPa, in the package''s order' &
-      & //newline//'    euler_deg TEXT NOT NULL,                -- JSON list, Bunge-Euler angles' &
-      & //newline//'    origin TEXT NOT NULL CHECK (origin IN (''simulated'', ''told'')),' &
-      & //newline//'    status TEXT NOT NULL CHECK (status IN (''done'', ''failed'')),'//newline &
-      & //'    message TEXT NOT NULL,                  -- why it failed'//newline &
-      & //'    indentation_modulus_gpa REAL,'//newline//'    elements INTEGER, seconds REAL,' &
-      & //newline//'    depth_um TEXT, force_mn TEXT,           -- JSON lists' &
-      & //newline//'    modulus_by_stiffness TEXT,              -- JSON list, by C11, C12 .. C66' &
-      & //newline//'    created TEXT NOT NULL,                  -- UTC'//newline &
-      & //'    checksum TEXT,                          -- of all before but id, position, created' &
-      & //newline//'    UNIQUE (physics_id, symmetry, constants, euler_deg)'//newline//');' &
-      & //newline//'CREATE INDEX simulation_by_position ON simulation (physics_id, position);' &
-      & //newline//'CREATE TRIGGER simulation_is_not_changed BEFORE UPDATE ON simulation'//newline &
-      & //'    BEGIN SELECT RAISE(ABORT, ''a stored simulation is never changed''); END;'//newline &
-      & //'CREATE TRIGGER simulation_is_not_deleted BEFORE DELETE ON simulation'//newline &
-      & //'    BEGIN SELECT RAISE(ABORT, ''a stored simulation is never deleted''); END;'//newline &
+   !> The layout. `identity` is JSON with sorted keys; `position` is the number in the order of
+   !> choice within the physics, from 0. Lists are JSON: the constants in the order of the class,
+   !> GPa; Bunge-Euler angles, degrees; depths, um, and forces, mN; the derivatives of the modulus
+   !> by C11, C12 .. C66. `message` says why a simulation failed; `created` is in UTC; the checksum
+   !> is of all columns before it but id, position and created.
+   character(len=*), parameter :: layout = 'CREATE TABLE physics (id INTEGER PRIMARY KEY, ' &
+      & //'identity TEXT NOT NULL UNIQUE); CREATE TABLE simulation (id INTEGER PRIMARY KEY, ' &
+      & //'physics_id INTEGER NOT NULL REFERENCES physics(id), position INTEGER NOT NULL, ' &
+      & //'symmetry TEXT NOT NULL, constants TEXT NOT NULL, euler_deg TEXT NOT NULL, origin TEXT ' &
+      & //'NOT NULL CHECK (origin IN (''simulated'', ''told'')), status TEXT NOT NULL CHECK ' &
+      & //'(status IN (''done'', ''failed'')), message TEXT NOT NULL, indentation_modulus_gpa ' &
+      & //'REAL, elements INTEGER, seconds REAL, depth_um TEXT, force_mn TEXT, ' &
+      & //'modulus_by_stiffness TEXT, created TEXT NOT NULL, checksum TEXT, ' &
+      & //'UNIQUE (physics_id, symmetry, constants, euler_deg)); ' &
+      & //'CREATE INDEX simulation_by_position ON simulation (physics_id, position); ' &
+      & //'CREATE TRIGGER simulation_is_not_changed BEFORE UPDATE ON simulation ' &
+      & //'BEGIN SELECT RAISE(ABORT, ''a stored simulation is never changed''); END; ' &
+      & //'CREATE TRIGGER simulation_is_not_deleted BEFORE DELETE ON simulation ' &
+      & //'BEGIN SELECT RAISE(ABORT, ''a stored simulation is never deleted''); END; ' &
       & //'PRAGMA application_id = '//application_id//'; PRAGMA user_version = '//layout_version
 
 contains

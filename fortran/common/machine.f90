@@ -62,13 +62,7 @@ contains
       real(wp), intent(in) :: bytes
       character(len=:), allocatable :: string
 
-      if (bytes < 1.0e9_wp) then
-         string = to_text(nint(1.0e-6_wp*bytes))//' MB'
-      else if (bytes < 1.0e11_wp) then
-         string = to_text(1.0e-9_wp*bytes, 3)//' GB'
-      else
-         string = to_text(nint(1.0e-12_wp*min(bytes, 1.0e21_wp)))//' TB'
-      end if
+      string = to_text(1.0e-9_wp*bytes, 3)//' GB'
    end function memory_text
 
    !> The number of threads to use: `wanted`, or one for each processor that this process may use if

@@ -26,7 +26,7 @@ module operations
    use simulate, only: simulator_type
    use simulation_operations, only: run_simulator, use_indentation, use_problem, use_stage
    use stage_documents, only: digest_surrogate, read_document, read_resolved, write_document
-   use stages, only: all_stages, problem_of_text, read_problem, run_command, stage_row_type
+   use stages, only: all_stages, read_problem, run_command, stage_row_type
    use surrogate_model, only: load_named_surrogate, surrogate_type
    use surrogate_operations, only: use_basis, use_surrogate
    use tables, only: table_type
@@ -111,7 +111,7 @@ contains
       type(table_type) :: table
       real(wp), allocatable :: values(:, :)
       type(stage_row_type), parameter :: rows(*) = [run_command, all_stages]
-      character(len=:), allocatable :: path
+      character(len=:), allocatable :: path, content
       integer :: i
 
       if (x%in%has('path')) path = x%in%text('path')
@@ -138,11 +138,10 @@ contains
          ! A problem of a text, or of a file for a command.
          allocate (problem)
          call x%give(problem, 'problem')
-         if (x%in%has('content')) then
-            call problem_of_text(path, x%in%text('content'), problem, x%error)
-         else
-            call read_problem(path, x%in%text('command'), x%in%text('changes'), problem, x%error)
-         end if
+         ! An unallocated text is an absent argument.
+         if (x%in%has('content')) content = x%in%text('content')
+         call read_problem(path, x%in%text('command'), x%in%text('changes'), problem, x%error, &
+            & content)
       case ('file.crystals')
          !> path, symmetry -> handle
          ! A problem that has only a table of crystals. `symmetry` applies to rows without one.

@@ -257,9 +257,18 @@ contains
       case ('describe')
          !> -> ..
          call describe_problem(self, x%out)
-      case ('column')
-         !> table, column -> stiffness, euler_deg, modulus_gpa, sd_gpa, constants, class
-         call give_column(points_of(self, x%in%text('table')), x%in%text('column'), x%out)
+      case ('table')
+         !> table -> ..
+         select case (x%in%text('table'))
+         case ('crystals')
+            call put_table(self%data%crystals, x%out)
+         case ('measurements')
+            call put_table(self%data%measurements, x%out)
+         case ('candidates')
+            call put_table(self%data%candidates, x%out)
+         case default
+            call put_table(self%data%grains, x%out)
+         end select
       case ('warn')
          !> code, subject ->
          ! Add a diagnostic of a table that was read in Python.
@@ -343,85 +352,46 @@ contains
       end select
    end subroutine use_problem
 
-   !> Put the settings, if there are any, as texts and resolved, and a description of each table.
+   !> Put the settings as texts and resolved, the warnings and the stages.
    subroutine describe_problem(self, out)
       type(problem_type), intent(in) :: self
       type(named_values_type), intent(inout) :: out
-      character(len=12), parameter :: tables(4) = [character(len=12) :: 'crystals', &
-         & 'measurements', 'candidates', 'grains']
-      type(points_type), pointer :: points
-      type(line_type), allocatable :: lines(:)
-      character(len=:), allocatable :: name
-      integer :: i, j
 
-      if (allocated(self%run%path)) then
-         call put_settings(self%settings, out)
-         call out%put('resolved', resolved_text(self))
-         call out%put('warnings', diagnostics_text(self%warnings))
-         call out%put('stages', join(self%run%stages, ' '))
-      end if
-      ! Number of rows of each table, their kind of modulus, the classes of the crystals, and the
-      ! names of the grains.
-      do i = 1, size(tables)
-         points => points_of(self, tables(i))
-         if (.not. associated(points)) cycle
-         name = trim(tables(i))
-         call out%put(name//'.n', points%n)
-         if (allocated(points%modulus_kind)) then
-            call out%put(name//'.kind', points%modulus_kind)
-         end if
-         lines = [line_type ::]
-         if (allocated(points%class)) then
-            do j = 1, size(points%classes)
-               call add_line(lines, points%classes(j)%name)
-            end do
-         end if
-         call out%put(name//'.classes', lines)
-         if (points%named_by == 0) cycle
-         deallocate (lines)
-         allocate (lines(points%n))
-         do j = 1, points%n
-            lines(j)%text = points%name(j)
-         end do
-         call out%put(name//'.names', lines)
-      end do
+      call put_settings(self%settings, out)
+      call out%put('resolved', resolved_text(self))
+      call out%put('warnings', diagnostics_text(self%warnings))
+      call out%put('stages', join(self%run%stages, ' '))
    end subroutine describe_problem
 
-   !> Table of a problem by its name; not associated if the problem does not have it.
-   function points_of(self, name) result(points)
-      type(problem_type), intent(in), target :: self
-      character(len=*), intent(in) :: name
-      type(points_type), pointer :: points
-
-      points => null()
-      select case (name)
-      case ('crystals')
-         if (allocated(self%data%crystals)) points => self%data%crystals
-      case ('measurements')
-         if (allocated(self%data%measurements)) points => self%data%measurements
-      case ('candidates')
-         if (allocated(self%data%candidates)) points => self%data%candidates
-      case default
-         if (allocated(self%data%grains)) points => self%data%grains
-      end select
-   end function points_of
-
-   !> Put the 'stiffness' of the crystals of a table, or its other 'numbers'.
-   subroutine give_column(points, name, out)
-      type(points_type), intent(in) :: points
-      character(len=*), intent(in) :: name
+   !> Put the columns of a table, the number of its rows, the kind of its modulus, the names of the
+   !> grains, and the classes of the crystals; nothing if the problem does not have it.
+   subroutine put_table(points, out)
+      type(points_type), allocatable, intent(in) :: points
       type(named_values_type), intent(inout) :: out
+      type(line_type), allocatable :: names(:), classes(:)
+      integer :: i
 
-      if (name == 'stiffness') then
-         call out%put('stiffness', points%stiffness)
-         return
-      end if
+      if (.not. allocated(points)) return
+      call out%put('n', points%n)
       call out%put('euler_deg', points%euler_deg)
+      if (allocated(points%modulus_kind)) call out%put('kind', points%modulus_kind)
       if (allocated(points%modulus_gpa)) call out%put('modulus_gpa', points%modulus_gpa)
       if (allocated(points%sd_gpa)) call out%put('sd_gpa', points%sd_gpa)
+      if (points%named_by > 0) then
+         allocate (names(points%n))
+         do i = 1, points%n
+            names(i)%text = points%name(i)
+         end do
+         call out%put('names', names)
+      end if
       if (.not. allocated(points%class)) return
-      call out%put('constants', points%constants)
+      do i = 1, size(points%classes)
+         call add_line(classes, points%classes(i)%name)
+      end do
+      call out%put('classes', classes)
       call out%put_integers('class', points%class, [points%n])
-   end subroutine give_column
+      call out%put('constants', points%constants)
+      call out%put('stiffness', points%stiffness)
+   end subroutine put_table
 
 end module simulation_operations

@@ -25,6 +25,12 @@ contains
       do
          call stage%want(error)
          if (allocated(error) .or. size(stage%jobs) == 0) exit
+         if (.not. allocated(simulator)) then
+            allocate (simulator)
+            call new_simulator(stage%problem%settings, simulator, error)
+            call stage%problem%locate('simulation', '', error)
+            if (allocated(error)) exit
+         end if
          stopped = .false.
          !$omp parallel do num_threads(stage%problem%threads()) schedule(dynamic, 1)
          do i = 1, size(stage%jobs)
@@ -49,18 +55,7 @@ contains
          is_stopped = stopped
          if (is_stopped) return
          associate (job => stage%jobs(i))
-            !$omp critical (simulation_loop_simulators)
-            if (.not. allocated(simulator)) then
-               allocate (simulator)
-               call new_simulator(stage%problem%settings, simulator, own)
-               ! The next job tries again.
-               if (allocated(own)) deallocate (simulator)
-            end if
-            !$omp end critical (simulation_loop_simulators)
-            call stage%problem%locate('simulation', '', own)
-            if (.not. allocated(own)) then
-               call simulator%run(job%stiffness, job%euler_deg*degree, outcome, own)
-            end if
+            call simulator%run(job%stiffness, job%euler_deg*degree, outcome, own)
             !$omp critical (simulation_loop_outcomes)
             if (allocated(own)) then
                if (own%status == machine_failure) then

@@ -30,7 +30,7 @@ module stages
    implicit none
    private
    public :: stage_row_type, all_stages, run_command, load_problem, read_problem, &
-      & problem_of_text, groups_of, new_stage, check_stages
+      & groups_of, new_stage, check_stages
 
    type :: stage_row_type
       character(len=8) :: name
@@ -144,22 +144,29 @@ contains
       stage%document_file = trim(all_stages(i)%document)
    end subroutine new_stage
 
-   !> Read a namelist file for a stage or for 'run', without the tables that it names.
-   subroutine read_problem(path, command, changes, self, error)
-      !> Path of the file; a stage, or 'run'; a namelist whose variables replace those of the file,
-      !> or ''.
+   !> Read a namelist without the tables that it names: a file for a stage or for 'run', or the
+   !> keywords of a function of Python, for no command.
+   subroutine read_problem(path, command, changes, self, error, keywords)
+      !> Path of the file, or the function; a stage, 'run' or ''; a namelist whose variables replace
+      !> those of the file, or ''.
       character(len=*), intent(in) :: path, command, changes
       type(problem_type), intent(out) :: self
       type(error_type), allocatable, intent(out) :: error
+      !> A namelist.
+      character(len=*), intent(in), optional :: keywords
       type(entry_type), allocatable :: namelist(:), stated(:)
       character(len=8), allocatable :: names(:)
-      character(len=:), allocatable :: content
+      character(len=:), allocatable :: content, needed
       logical :: asked(size(all_stages))
       integer :: i
 
       if (reserve_blas(1) < 1) call raise_no_memory('linear algebra', error)
       if (allocated(error)) return
-      call read_text_file(path, content, error, comment='!')
+      if (present(keywords)) then
+         content = keywords
+      else
+         call read_text_file(path, content, error, comment='!')
+      end if
       if (.not. allocated(error)) call parse_namelist(content, namelist, error)
       if (.not. allocated(error) .and. len(changes) > 0) then
          call parse_namelist(changes, stated, error)
@@ -175,35 +182,23 @@ contains
          if (find_entry(namelist, 'next', '') > 0) asked = asked .or. all_stages%name == 'extract'
       end if
       names = pack(all_stages%name, asked)
-      if (size(names) == 0 .and. command /= 'run') then
+      if (size(names) == 0 .and. command /= 'run' .and. .not. present(keywords)) then
          call refuse(error, 'no command is named '''//printable(command)//'''; allowed: run, ' &
             & //join(all_stages%name, ', '))
          return
       end if
-      call new_problem(path, namelist, command, trim(run_command%groups)//' '//groups_of(names), &
-         & self, error)
+      needed = ''
+      if (len(command) > 0) needed = trim(run_command%groups)//' '//groups_of(names)
+      call new_problem(path, namelist, command, needed, self, error)
       call locate_error(error, path)
       if (allocated(error)) return
-      if (size(names) == 0) then
+      if (size(names) == 0 .and. len(command) > 0) then
          call self%refuse('problem', '', 'nothing to do; &crystals asks for simulations, &design ' &
             & //'for a surrogate, &plan for expected sds, &curves for moduli, &measurements for ' &
             & //'the constants', error)
       end if
       self%run%stages = names
    end subroutine read_problem
-
-   !> The problem of a namelist's text, `content`, for Python, with no stage and without tables.
-   !> `origin` replaces the name of the file in messages.
-   subroutine problem_of_text(origin, content, self, error)
-      character(len=*), intent(in) :: origin, content
-      type(problem_type), intent(out) :: self
-      type(error_type), allocatable, intent(out) :: error
-      type(entry_type), allocatable :: namelist(:)
-
-      call parse_namelist(content, namelist, error)
-      if (.not. allocated(error)) call new_problem(origin, namelist, '', '', self, error)
-      call locate_error(error, origin)
-   end subroutine problem_of_text
 
    !> Read the tables of a problem, and refuse it if one of its stages would refuse it before its
    !> first simulation or sample.

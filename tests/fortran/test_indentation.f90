@@ -342,7 +342,7 @@ contains
       call check_success('a megabyte', error)
       call check_memory(1.0e18_wp, 'a mesh', error)
       call check_refused('more than any machine has', error, &
-         & 'too little memory for a mesh: 1000000 TB are needed')
+         & 'too little memory for a mesh: 1.00E+009 GB are needed')
       if (allocated(error)) then
          call check('it is the machine''s fault', error%status == machine_failure)
       end if

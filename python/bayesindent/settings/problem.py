@@ -79,31 +79,26 @@ class Points:
     those of the grains, or None.
     """
 
-    def __init__(self, problem: "Problem", table: str, facts: dict):
-        self.problem, self._table = problem, table
-        self._classes, self._n = facts[f"{table}.classes"], facts[f"{table}.n"]
-        self.modulus_kind, self.names = (facts.get(f"{table}.{name}") for name in ("kind", "names"))
+    def __init__(self, problem: "Problem", facts: dict):
+        self.problem, self._facts = problem, facts
+        self.modulus_kind, self.names = facts.get("kind"), facts.get("names")
 
     def __len__(self) -> int:
-        return self._n
-
-    def _columns(self, name: str) -> dict:
-        return self.problem._call("column", table=self._table, column=name)
+        return self._facts["n"]
 
     def _given(self, name: str) -> np.ndarray | None:
-        values = self._numbers.get(name, np.nan)
+        values = self._facts.get(name, np.nan)
         return None if np.isnan(values).all() else values
 
     @cached_property
     def constants(self) -> list[dict]:
         """Constants of each row by name, GPa."""
-        names = [constant_names(symmetry) for symmetry in self._classes]
-        rows = zip(self._numbers["class"].tolist(), self._numbers["constants"].tolist())
+        names = [constant_names(symmetry) for symmetry in self._facts["classes"]]
+        rows = zip(self._facts["class"].tolist(), self._facts["constants"].tolist())
         return [dict(zip(names[number - 1], values)) for number, values in rows]
 
-    stiffness = cached_property(lambda self: self._columns("stiffness")["stiffness"])
-    _numbers = cached_property(lambda self: self._columns("numbers"))
-    euler_deg = property(lambda self: self._numbers["euler_deg"])
+    stiffness = property(lambda self: self._facts["stiffness"])
+    euler_deg = property(lambda self: self._facts["euler_deg"])
     modulus_gpa = property(lambda self: self._given("modulus_gpa"))
     sd_gpa = property(lambda self: self._given("sd_gpa"))
 
@@ -123,7 +118,8 @@ def _table(name: str, doc: str) -> Any:
     """The property of a problem that is its table of a name, or None."""
 
     def points(problem: "Problem") -> Points | None:
-        return Points(problem, name, problem._facts) if f"{name}.n" in problem._facts else None
+        facts = problem._tables[name]
+        return Points(problem, facts) if "n" in facts else None
 
     return property(points, doc=doc)
 
@@ -180,7 +176,8 @@ class Problem(NativeObject):
         """
         self = cls.__new__(cls)
         self._made_of = made_of
-        self._fill(call("file.problem", path=origin, content=text), Path(origin), tables)
+        made = call("file.problem", path=origin, content=text, command="", changes="")
+        self._fill(made, Path(origin), tables)
         return self
 
     def _fill(self, made: dict, path: Path, tables: Mapping[str, Mapping] | None = None) -> None:
@@ -235,7 +232,10 @@ class Problem(NativeObject):
         self.resolved, self.warnings = facts["resolved"], json.loads(facts["warnings"])
         self.stages = facts["stages"].split()
         self.settings = _settings(facts)
-        self._facts = facts
+        self._tables = {
+            name: self._call("table", table=name)
+            for name in ("crystals", "measurements", "candidates", "grains")
+        }
         self._frozen = True
 
     crystals = _table("crystals", "The crystals of `&crystals`, or None.")
@@ -296,7 +296,7 @@ def read_crystals(path: str | os.PathLike, symmetry: str) -> Points:
     """Read a CSV of crystals and orientations; rows without a class have this `symmetry`."""
     holder = Problem.__new__(Problem)
     holder._hold(call("file.crystals", path=path, symmetry=symmetry)["handle"])
-    return Points(holder, "crystals", holder._call("describe"))
+    return Points(holder, holder._call("table", table="crystals"))
 
 
 @cache
