@@ -80,13 +80,15 @@ module campaign_file
 
 contains
 
-   !> Open a file. The first statement that writes makes it.
+   !> Open a file.
    subroutine open_database(self, path, error)
       class(database_type), intent(inout) :: self
       character(len=*), intent(in) :: path
       !> After an error nothing is executed, here and below.
       type(error_type), allocatable, intent(inout) :: error
 
+      ! The library makes the file at once.
+      if (allocated(error)) return
       if (.not. allocated(self%path)) self%path = path
       self%handle = c_open(path//c_null_char)
       ! Time to wait for another process, ms.

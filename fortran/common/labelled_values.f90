@@ -61,7 +61,7 @@ contains
          end if
          value = line(len(label) + 2:)
       else
-         call append_text(self, label//' '//value//newline)
+         call append(self%content, self%filled, label//' '//value//newline)
       end if
    end subroutine exchange_text
 
@@ -100,7 +100,7 @@ contains
       if (.not. self%reading) n = n + count([(value(i:i) == newline, i=1, len(value))])
       call self%integer(label, n)
       if (.not. self%reading) then
-         call append_text(self, value//newline)
+         call append(self%content, self%filled, value//newline)
          return
       end if
       first = self%position
@@ -169,7 +169,7 @@ contains
       call self%integer(label, n)
       if (.not. self%reading) then
          do i = 1, size(values)
-            call append_text(self, to_text(values(i), all_digits) &
+            call append(self%content, self%filled, to_text(values(i), all_digits) &
                & //merge(newline, ' ', mod(i, values_per_line) == 0 .or. i == size(values)))
          end do
          return
@@ -199,6 +199,10 @@ contains
       character(len=:), allocatable :: stored_checksum
       integer :: last
 
+      if (self%filled > largest) then
+         call self%fail('would be larger than '//to_text(largest)//' bytes')
+         return
+      end if
       last = self%position - 1
       if (.not. self%reading) stored_checksum = checksum(self%content(:self%filled))
       call self%text('checksum', stored_checksum)
@@ -249,17 +253,4 @@ contains
          call self%fail(''''//label//''': '''//printable(string)//''' is not a finite number')
       end if
    end subroutine parse
-
-   !> Append text to the content.
-   subroutine append_text(self, piece)
-      class(labelled_values_type), intent(inout) :: self
-      character(len=*), intent(in) :: piece
-
-      if (allocated(self%error)) return
-      if (self%filled + len(piece) > largest) then
-         call self%fail('would be larger than '//to_text(largest)//' bytes')
-      else
-         call append(self%content, self%filled, piece)
-      end if
-   end subroutine append_text
 end module labelled_values
