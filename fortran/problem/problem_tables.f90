@@ -29,7 +29,9 @@ contains
       !> Texts of tables that the Python program read, by their names below.
       type(named_values_reader_type), intent(inout) :: given
       type(error_type), allocatable, intent(out) :: error
+      logical :: radians
 
+      radians = problem%settings%measurements%angles == 'radians'
       associate (s => problem%settings)
          ! Python converts the tables of measurements first, so that they are the first here too.
          if (s%curves%given) call load_curves()
@@ -128,8 +130,10 @@ contains
          call find_table('velocities', problem%settings%measurements%velocities, table)
          if (.not. allocated(error) .and. table%columns > 0) then
             allocate (problem%data%velocities)
-            call read_velocities(table, problem%data%velocities, error)
-            if (.not. allocated(error)) call refuse_radians(problem%data%velocities, error)
+            call read_velocities(table, radians, problem%data%velocities, error)
+            if (.not. (allocated(error) .or. radians)) then
+               call refuse_radians(problem%data%velocities, error)
+            end if
          end if
          call problem%locate('measurements', 'velocities', error)
       end subroutine load_velocities
@@ -143,7 +147,7 @@ contains
          if (allocated(error) .or. .not. allocated(file)) return
          allocate (grains)
          call find_table(name, file, grains%table)
-         if (.not. allocated(error)) call read_grains(problem, grains, error)
+         if (.not. allocated(error)) call read_grains(problem, radians, grains, error)
          call problem%locate(group, name, error, file)
       end subroutine load_grains
    end subroutine load_tables
@@ -175,7 +179,7 @@ contains
             call read_file('references', 'crystals', s%references%crystals, problem%data%references)
             if (allocated(error)) return
             associate (references => problem%data%references)
-               call find_column(references%table, 'reference', references%named_by, error)
+               call find_column(references%table, 'reference', references%named_by, error, .true.)
             end associate
             if (allocated(error)) return
          end if
@@ -206,19 +210,23 @@ contains
    end subroutine load_crystals
 
    !> Read the orientations and names of grains from their table.
-   subroutine read_grains(problem, grains, error)
+   subroutine read_grains(problem, radians, grains, error)
       type(problem_type), intent(in) :: problem
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
       type(points_type), intent(inout) :: grains
       type(error_type), allocatable, intent(out) :: error
       !> Bound of the memory for the moduli of each grain at 2000 draws.
       integer, parameter :: most_grains = 2000
 
-      call read_orientations(grains, problem%class, problem%settings%problem%lattice, error)
+      call read_orientations(grains, radians, problem%class, problem%settings%problem%lattice, &
+         & error)
       if (allocated(error)) return
-      grains%named_by = grains%table%find('grain')
+      call find_column(grains%table, 'grain', grains%named_by, error, .false.)
+      if (allocated(error)) return
       if (grains%n > most_grains) then
          call refuse(error, to_text(grains%n)//' grains; allowed up to '//to_text(most_grains))
-      else
+      else if (.not. radians) then
          call refuse_radians(grains, error)
       end if
    end subroutine read_grains
@@ -233,11 +241,6 @@ contains
 
       if (.not. problem%settings%curves%given .or. allocated(problem%settings%measurements%file) &
          & .or. allocated(problem%data%measurements)) then
-         return
-      end if
-      if (problem%settings%measurements%angles == 'radians') then
-         call problem%refuse('measurements', 'angles', '''radians'' is the unit of a table of ' &
-            & //'measurements; the angles of the tests of curves are in degrees', error)
          return
       end if
       problem%data%shared_file = folder//'shared_errors.csv'
@@ -257,8 +260,12 @@ contains
       type(points_type) :: measurements
       real(wp), allocatable :: weight(:)
       character(len=:), allocatable :: name
+      logical :: radians
       integer :: column, i
 
+      ! Tables that this program wrote are in degrees; those of curves have the unit of tests.
+      radians = problem%settings%measurements%angles == 'radians' &
+         & .and. index(content, canonical_mark) /= 1
       call parse_table(content, table, error)
       if (allocated(problem%settings%measurements%file) .and. .not. allocated(error)) then
          column = foreign_column(table)
@@ -269,9 +276,7 @@ contains
                & //'other_probability above 0.05, and the columns other_*')
          else if (column > 0 .and. table%columns > 1) then
             call problem%refuse_table(' has the column '''//name//'''', error)
-         else if (problem%settings%measurements%angles == 'radians' &
-            & .and. index(content, canonical_mark) /= 1) then
-            ! Tables that this program wrote are in degrees.
+         else if (radians) then
             call problem%refuse_table(' has angles in radians', error)
          end if
       end if
@@ -301,10 +306,10 @@ contains
       !> Read the tests of the grains and their shared errors, and combine the tests of a grain.
       subroutine read_tests()
          associate (stated => problem%settings%measurements)
-            call split_references(table, stated, problem%class, &
+            call split_references(table, radians, stated, problem%class, &
                & problem%settings%problem%lattice, problem%data%reference_grains, error)
             if (allocated(error)) return
-            call read_measurements(table, stated, problem%class, &
+            call read_measurements(table, radians, stated, problem%class, &
                & problem%settings%problem%lattice, measurements, error)
             if (allocated(error)) return
             if (stated%misalignment_sd_deg > 0.0_wp .and. .not. measurements%has_angles) then

@@ -3,7 +3,7 @@ module curve_tables
    use errors, only: error_type, refuse
    use files, only: checksum, printable
    use kinds, only: wp
-   use table_columns, only: find_column, read_column
+   use table_columns, only: find_columns, read_column
    use tables, only: parse_table, read_table, table_type
    use text, only: to_text
    implicit none
@@ -34,9 +34,8 @@ module curve_tables
 
    !> Larger numbers are missing values: instruments write 1.797e308.
    real(wp), parameter :: no_value = 1.0e300_wp
-   !> Columns of a curve; the last one may be absent.
-   character(len=*), parameter :: of_curves(5) = [character(len=13) :: 'test', 'time_s', &
-      & 'depth_nm', 'load_mn', 'stiffness_n_m']
+   character(len=*), parameter :: of_tests = 'test, grain, reference, session', &
+      & of_curves = 'test, time_s, depth_nm, load_mn, stiffness_n_m'
 
 contains
 
@@ -45,20 +44,21 @@ contains
       character(len=*), intent(in) :: path
       type(curve_set_type), intent(out) :: set
       type(error_type), allocatable, intent(out) :: error
+      integer, allocatable :: column(:)
       real(wp), allocatable :: drift(:)
       character(len=:), allocatable :: reference, place
       integer :: i, j
 
       call read_table(path, set%tests, error)
-      call find_column(set%tests, 'test', i, error)
+      call find_columns(set%tests, of_tests, 1, column, error)
       if (allocated(error)) return
       allocate (set%curves(set%tests%rows))
       do i = 1, size(set%curves)
          associate (c => set%curves(i))
-            c%name = text_of(i, 'test')
-            c%material = text_of(i, 'grain')
-            reference = text_of(i, 'reference')
-            c%session = text_of(i, 'session')
+            c%name = text_of(i, column(1))
+            c%material = text_of(i, column(2))
+            reference = text_of(i, column(3))
+            c%session = text_of(i, column(4))
             c%reference = len(reference) > 0
             place = 'line '//to_text(set%tests%line(i))//': test '//printable(c%name)
             if (c%reference .eqv. len(c%material) > 0) then
@@ -77,15 +77,12 @@ contains
 
    contains
 
-      !> The text of a cell of the table of tests; '' if there is no column of this `name`.
-      function text_of(row, name)
-         integer, intent(in) :: row
-         character(len=*), intent(in) :: name
+      !> The text of a cell of the table of tests; '' if the column is 0.
+      function text_of(row, column)
+         integer, intent(in) :: row, column
          character(len=:), allocatable :: text_of
-         integer :: column
 
          text_of = ''
-         column = set%tests%find(name)
          if (column > 0) text_of = set%tests%cell(column, row)
       end function text_of
    end subroutine read_tests
@@ -110,10 +107,7 @@ contains
          integer :: owner(table%rows), i, j, k
          real(wp), allocatable :: values(:, :)
 
-         column = [(table%find(trim(of_curves(j))), j=1, size(of_curves))]
-         do j = 1, size(of_curves) - 1
-            call find_column(table, trim(of_curves(j)), column(j), error)
-         end do
+         call find_columns(table, of_curves, 4, column, error)
          if (allocated(error)) return
          column = pack(column, column > 0)
          allocate (values(size(column) - 1, table%rows))

@@ -8,7 +8,7 @@ module layer_table
       & rotation_matrix
    use errors, only: error_type, prefix_error, refuse
    use kinds, only: degree, wp
-   use table_columns, only: angle_columns, find_column, read_column
+   use table_columns, only: angle_columns, find_column
    use tables, only: read_table, table_type
    use text, only: to_text
    implicit none
@@ -25,6 +25,9 @@ module layer_table
       integer :: crystal = 0
    end type layer_table_type
 
+   !> Allowed thicknesses, um.
+   real(wp), parameter :: thinnest = 1.0e-6_wp, thickest = 1.0e6_wp
+
 contains
 
    !> Read the layers of a file.
@@ -35,15 +38,14 @@ contains
       integer :: name, thickness, i
 
       call read_table(path, self%table, error)
-      call find_column(self%table, 'layer', name, error)
-      call find_column(self%table, 'thickness_um', thickness, error)
+      call find_column(self%table, 'layer', name, error, .true.)
+      call find_column(self%table, 'thickness_um', thickness, error, .true.)
       if (allocated(error)) return
       associate (table => self%table)
-         call read_column(table%rows_of([(i < table%rows .or. .not. table%is_empty(thickness, i), &
-            & i=1, table%rows)]), 'thickness_um', .false., self%thickness, error)
-         if (allocated(error)) return
-         allocate (self%stiffness(6, 6, table%rows), source=0.0_wp)
+         allocate (self%thickness(0), self%stiffness(6, 6, table%rows), source=0.0_wp)
          do i = 1, table%rows
+            if (.not. (i == table%rows .and. table%is_empty(thickness, i))) call add_thickness()
+            if (allocated(error)) return
             if (table%cell(name, i) /= 'crystal') then
                call read_stiffness(table, i, self%stiffness(:, :, i), error)
                call prefix_error(error, 'line '//to_text(table%line(i))//': ')
@@ -61,6 +63,22 @@ contains
          call refuse(error, &
             & 'there is no layer on the half-space; geometry = ''halfspace'' has none')
       end if
+
+   contains
+
+      !> Append the thickness of row i.
+      subroutine add_thickness()
+         real(wp) :: value
+
+         call self%table%number(thickness, i, value, error)
+         if (allocated(error)) return
+         if (.not. (value >= thinnest .and. value <= thickest)) then
+            call self%table%refuse(thickness, i, ' um; allowed '//to_text(thinnest)//' to ' &
+               & //to_text(thickest)//' um', error)
+            return
+         end if
+         self%thickness = [self%thickness, value]
+      end subroutine add_thickness
    end subroutine read_layers
 
    !> Read the stiffness of a row, GPa.
@@ -117,7 +135,7 @@ contains
          integer :: column
 
          value = 0.0_wp
-         call find_column(table, name, column, error)
+         call find_column(table, name, column, error, .true.)
          if (column > 0) call table%number(column, row, value, error)
       end subroutine read_cell
    end subroutine read_stiffness

@@ -10,9 +10,10 @@ module point_tables
    use statistics, only: number_equal
    use settings_schema, only: measurements_settings_type
    use direction_columns, only: read_directions
-   use table_columns, only: angle_columns, column_type, find_modulus, read_column, read_numbers
+   use table_columns, only: angle_columns, column_type, find_column, find_columns, find_modulus, &
+      & read_column, read_numbers
    use tables, only: longest_name, read_table, table_type
-   use text, only: join, to_text
+   use text, only: join, lower, to_text
    implicit none
    private
    public :: points_type, read_crystals, read_measurements, split_references, &
@@ -80,12 +81,12 @@ contains
       integer :: along_column, i
 
       call read_table(path, points%table, error)
-      call read_angles(points, error)
+      call read_angles(points, .false., error)
       if (.not. allocated(error)) call read_constants(points, default_class, error)
       call read_column(points%table, trim(merge('modulus_gpa            ', &
          & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
          & points%modulus_gpa, error)
-      along_column = points%table%find('propagation_deg')
+      call find_column(points%table, 'propagation_deg', along_column, error, .false.)
       call read_column(points%table, 'propagation_deg', along_column == 0, along, error)
       if (allocated(error) .or. along_column == 0) return
       points%paths = [(path_type(surface_path, along(i)), i=1, points%n)]
@@ -107,7 +108,7 @@ contains
       allocate (points%constants(21, points%n))
       allocate (points%stiffness(6, 6, points%n))
       do j = 1, 21
-         column(j) = points%table%find(general%constants(j))
+         call find_column(points%table, general%constants(j), column(j), error, .false.)
          call read_numbers(points%table, column(j), constant_column, .true., values, error)
          points%constants(j, :) = values
       end do
@@ -234,8 +235,10 @@ contains
    end function directions
 
    !> Read orientations and moduli with the settings of `&measurements`.
-   subroutine read_measurements(table, settings, crystal, parameters, points, error)
+   subroutine read_measurements(table, radians, settings, crystal, parameters, points, error)
       type(table_type), intent(in) :: table
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
       type(measurements_settings_type), intent(in) :: settings
       !> Class of the grains.
       type(crystal_class_type), intent(in) :: crystal
@@ -261,7 +264,7 @@ contains
          points%euler_deg = 0.0_wp
          points%has_angles = .false.
       else if (.not. allocated(error)) then
-         call read_orientations(points, crystal, parameters, error)
+         call read_orientations(points, radians, crystal, parameters, error)
       end if
       if (allocated(error)) return
       call find_modulus(points%table, settings%modulus_kind, name, points%modulus_kind, error)
@@ -305,8 +308,10 @@ contains
    end subroutine read_measurements
 
    !> Read the rows of a table that name a reference, and leave the others in the table.
-   subroutine split_references(table, settings, crystal, parameters, references, error)
+   subroutine split_references(table, radians, settings, crystal, parameters, references, error)
       type(table_type), intent(inout) :: table
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
       type(measurements_settings_type), intent(in) :: settings
       type(crystal_class_type), intent(in) :: crystal
       !> See `read_measurements`.
@@ -322,26 +327,28 @@ contains
       is_reference = [(.not. table%is_empty(column, i), i=1, table%rows)]
       if (.not. any(is_reference) .or. all(is_reference)) return
       allocate (references)
-      call read_measurements(table%rows_of(is_reference), settings, crystal, parameters, &
+      call read_measurements(table%rows_of(is_reference), radians, settings, crystal, parameters, &
          & references, error)
       references%named_by = column
       table = table%rows_of(.not. is_reference)
    end subroutine split_references
 
    !> Set the angles of each row, which follow from the direction if the table states that.
-   subroutine read_orientations(points, crystal, parameters, error)
+   subroutine read_orientations(points, radians, crystal, parameters, error)
       !> With their table.
       type(points_type), intent(inout) :: points
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
       type(crystal_class_type), intent(in) :: crystal
       !> See `read_measurements`.
       real(wp), allocatable, intent(in) :: parameters(:)
       type(error_type), allocatable, intent(out) :: error
-      logical :: has_angle(3)
+      integer, allocatable :: angles(:)
       real(wp), allocatable :: euler_deg(:, :)
-      integer :: j
 
-      has_angle = [(points%table%find(trim(angle_columns(j)%name)) > 0, j=1, 3)]
-      call read_directions(points%table, all(has_angle), crystal, parameters, euler_deg, error)
+      call find_columns(points%table, join(angle_columns%name, ', '), 0, angles, error)
+      if (allocated(error)) return
+      call read_directions(points%table, all(angles > 0), crystal, parameters, euler_deg, error)
       if (allocated(error)) return
       if (allocated(euler_deg)) then
          call set_size(points)
@@ -349,8 +356,8 @@ contains
          points%euler_deg = euler_deg
          return
       end if
-      call read_angles(points, error)
-      if (allocated(error) .and. .not. any(has_angle)) then
+      call read_angles(points, radians, error)
+      if (allocated(error) .and. all(angles == 0)) then
          error%message = error%message//'; instead of angles q0, q1, q2, q3, or u, v, w, or ' &
             & //'h, k, l; if no orientation is known state orientations = ''unknown'''
       end if
@@ -369,16 +376,34 @@ contains
    end subroutine set_size
 
    !> Read the angles of each row. Nothing is done after an error.
-   subroutine read_angles(points, error)
+   subroutine read_angles(points, radians, error)
       type(points_type), intent(inout) :: points
+      !> The unit of the angles in the table.
+      logical, intent(in) :: radians
       type(error_type), allocatable, intent(inout) :: error
+      ! In radians half a turn may be rounded up.
+      real(wp), parameter :: rounding = 1.0e-4_wp
+      type(column_type) :: known
       real(wp), allocatable :: values(:)
-      integer :: j
+      real(wp) :: unit
+      integer :: column, j
 
       call set_size(points)
+      unit = merge(degree, 1.0_wp, radians)
       do j = 1, 3
-         call read_column(points%table, trim(angle_columns(j)%name), .false., values, error)
-         points%euler_deg(j, :) = values
+         known = angle_columns(j)
+         call find_column(points%table, trim(known%name), column, error, .true.)
+         if (allocated(error)) return
+         if (radians) then
+            known = column_type('', known%allowed*degree + [0.0_wp, rounding], ' radians')
+         else if (index(lower(points%table%name(column)), 'rad') > 0) then
+            call refuse(error, 'column '//points%table%name(column) &
+               & //' is in radians; degrees are needed, or &measurements angles = ''radians''')
+            return
+         end if
+         call read_numbers(points%table, column, known, .false., values, error)
+         if (allocated(error)) return
+         points%euler_deg(j, :) = min(values/unit, angle_columns(j)%allowed(2))
       end do
    end subroutine read_angles
 

@@ -7,7 +7,7 @@
 module tables
    use errors, only: error_type, prefix_error, refuse
    use files, only: checksum, new_file_type, printable, read_text_file
-   use text, only: append, newline, number_malformed, number_ok, quoted, read_real, &
+   use text, only: append, lower, newline, number_malformed, number_ok, quoted, read_real, &
       & short_text, split_list, to_text
    use kinds, only: i8, wp
    implicit none
@@ -249,13 +249,16 @@ contains
       if (self%columns > most) list = list//', ...'
    end function names
 
-   !> Number of the column of this name; 0 if there is none.
+   !> Number of the column of this name, exactly or else whatever the case; 0 if there is none.
    pure integer function find(self, name)
       class(table_type), intent(in) :: self
       character(len=*), intent(in) :: name
       integer :: j
 
       find = findloc([(self%name(j) == name, j=1, self%columns)], .true., dim=1)
+      if (find == 0) then
+         find = findloc([(lower(self%name(j)) == lower(name), j=1, self%columns)], .true., dim=1)
+      end if
    end function find
 
    !> The finite number `value` in a cell; a refusal names line, `column` and value. Nothing is

@@ -5,7 +5,7 @@ module velocity_tables
    use kinds, only: wp
    use observables, only: path_names, path_type, surface_path
    use point_tables, only: points_type, read_angles, read_groups
-   use table_columns, only: read_column
+   use table_columns, only: find_column, read_column
    use tables, only: longest_name, table_type
    use text, only: join, lower
    implicit none
@@ -15,8 +15,10 @@ module velocity_tables
 contains
 
    !> Read orientations, kinds and directions of waves, and speeds with their sds, m/s.
-   subroutine read_velocities(table, points, error)
+   subroutine read_velocities(table, radians, points, error)
       type(table_type), intent(in) :: table
+      !> The unit of the Euler angles in the table.
+      logical, intent(in) :: radians
       !> With the speeds in place of moduli.
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
@@ -26,13 +28,12 @@ contains
 
       column = table%find('wave')
       points%table = table
-      call read_angles(points, error)
+      call read_angles(points, radians, error)
       call read_column(table, 'propagation_deg', column > 0, along, error)
-      call read_column(table, trim(merge('velocity_m_s         ', 'rayleigh_velocity_m_s', &
-         & table%find('velocity_m_s') > 0)), .false., points%modulus_gpa, error)
+      call read_column(table, 'rayleigh_velocity_m_s', .false., points%modulus_gpa, error)
       call read_column(table, 'sd_m_s', .false., points%sd_gpa, error)
       call read_column(table, 'orientation_sd_deg', .true., points%orientation_sd_deg, error)
-      points%named_by = table%find('grain')
+      call find_column(table, 'grain', points%named_by, error, .false.)
       if (allocated(error)) return
       call read_groups(points)
       points%paths = [(path_type(surface_path, along(i)), i=1, points%n)]

@@ -236,9 +236,7 @@ def test_waves_that_are_not_detected_are_no_candidates(tmp_path):
     by Stroh's eigenvalues.
     """
     x = np.array([168.4, 121.4, 75.4]) + np.random.default_rng(1).normal(size=(20, 3))
-    (tmp_path / "own.csv").write_text(
-        "grain,phi1_deg,Phi_deg,phi2_deg\nflat,0,0,0\ntilted,20,35,50\n"
-    )
+    (tmp_path / "own.csv").write_text("grain,phi1,Phi,phi2\nflat,0,0,0\ntilted,20,35,50\n")
     table = {
         "euler_deg": GRAINS,
         "indentation_modulus_gpa": [130.0, 140, 150, 140],
@@ -286,10 +284,7 @@ def test_waves_that_are_not_detected_are_no_candidates(tmp_path):
         ({"velocity_cost": 0.0}, "velocity_cost: 0.* out of range; allowed above 0 to 1e6"),
         ({"candidates": "u,v,w\n1,0,0\n"}, "velocity_cost: the grains have directions alone"),
         (
-            {
-                "candidates": "phi1_deg,Phi_deg,phi2_deg\n"
-                + "".join(f"{i},20,30\n" for i in range(201))
-            },
+            {"candidates": "phi1,Phi,phi2\n" + "".join(f"{i},20,30\n" for i in range(201))},
             "velocity_cost: 201 grains; allowed up to 200",
         ),
     ],

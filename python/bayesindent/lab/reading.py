@@ -13,7 +13,7 @@ from zipfile import ZipFile
 from ..common.result_files import as_csv
 from ..core import InputError
 from .cells import is_number, rows_of, tabbed, tidy, usual
-from .columns import MODULI, NAME_COLUMNS, RADIANS, meaning_of, split_name
+from .columns import MODULI, NAME_COLUMNS, meaning_of
 from .other_files import decoded, reader_of, reading, refuse_formulas
 
 #: More rows and more bytes are refused: ten tests of each of the grains that the core takes.
@@ -79,9 +79,8 @@ def rows_of_file(path: Path, sheet: str, stated: Iterable[str]) -> Rows | None:
 
 
 def text_with_commas(path: Path) -> str | None:
-    """The text of a table with commas between the cells, decimal points and the canonical names of
-    columns that are known by others, if it differs in this; each row keeps its line. None for
-    other files.
+    """The text of a table whose header has semicolons or tabs but no comma, with commas between the
+    cells and decimal points; each row keeps its line. None for other files.
     """
     if not path.is_file() or path.stat().st_size > MOST_BYTES:
         return None
@@ -89,17 +88,10 @@ def text_with_commas(path: Path) -> str | None:
         text = decoded(path.read_bytes())[0]
     except OSError:
         return None
+    header = next((line for line in text.splitlines() if line.strip() and line[0] != "#"), "")
+    if "," in header or not re.search("[;\t]", header):
+        return None
     rows = dict(rows_of(text)[0])
-    if not rows:
-        return None
-    number, header = next(iter(rows.items()))
-    # The core refuses a unit that is not its own.
-    rows[number] = [
-        cell if split_name(cell)[1] in RADIANS else meaning_of(cell) or cell for cell in header
-    ]
-    line = text.splitlines()[number - 1]
-    if rows[number] == header and ("," in line or not re.search("[;\t]", line)):
-        return None
     first, *others = [rows.get(number, []) for number in range(1, max(rows) + 1)]
     return as_csv(first, others)
 
