@@ -29,9 +29,7 @@ contains
       !> Texts of tables that the Python program read, by their names below.
       type(named_values_reader_type), intent(inout) :: given
       type(error_type), allocatable, intent(out) :: error
-      logical :: radians
 
-      radians = problem%settings%measurements%angles == 'radians'
       associate (s => problem%settings)
          ! Python converts the tables of measurements first, so that they are the first here too.
          if (s%curves%given) call load_curves()
@@ -130,8 +128,8 @@ contains
          call find_table('velocities', problem%settings%measurements%velocities, table)
          if (.not. allocated(error) .and. table%columns > 0) then
             allocate (problem%data%velocities)
-            call read_velocities(table, radians, problem%data%velocities, error)
-            if (.not. (allocated(error) .or. radians)) then
+            call read_velocities(table, in_radians(problem), problem%data%velocities, error)
+            if (.not. (allocated(error) .or. in_radians(problem))) then
                call refuse_radians(problem%data%velocities, error)
             end if
          end if
@@ -147,10 +145,17 @@ contains
          if (allocated(error) .or. .not. allocated(file)) return
          allocate (grains)
          call find_table(name, file, grains%table)
-         if (.not. allocated(error)) call read_grains(problem, radians, grains, error)
+         if (.not. allocated(error)) call read_grains(problem, grains, error)
          call problem%locate(group, name, error, file)
       end subroutine load_grains
    end subroutine load_tables
+
+   !> Whether the angles of tables are stated in radians.
+   pure logical function in_radians(problem)
+      type(problem_type), intent(in) :: problem
+
+      in_radians = problem%settings%measurements%angles == 'radians'
+   end function in_radians
 
    !> Read the layers, and the tables of crystals: those to simulate, references, and the candidates
    !> of &design, which must be of the symmetry of &problem.
@@ -210,23 +215,21 @@ contains
    end subroutine load_crystals
 
    !> Read the orientations and names of grains from their table.
-   subroutine read_grains(problem, radians, grains, error)
+   subroutine read_grains(problem, grains, error)
       type(problem_type), intent(in) :: problem
-      !> The unit of the angles in the table.
-      logical, intent(in) :: radians
       type(points_type), intent(inout) :: grains
       type(error_type), allocatable, intent(out) :: error
       !> Bound of the memory for the moduli of each grain at 2000 draws.
       integer, parameter :: most_grains = 2000
 
-      call read_orientations(grains, radians, problem%class, problem%settings%problem%lattice, &
-         & error)
+      call read_orientations(grains, in_radians(problem), problem%class, &
+         & problem%settings%problem%lattice, error)
       if (allocated(error)) return
       call find_column(grains%table, 'grain', grains%named_by, error, .false.)
       if (allocated(error)) return
       if (grains%n > most_grains) then
          call refuse(error, to_text(grains%n)//' grains; allowed up to '//to_text(most_grains))
-      else if (.not. radians) then
+      else if (.not. in_radians(problem)) then
          call refuse_radians(grains, error)
       end if
    end subroutine read_grains
@@ -264,8 +267,7 @@ contains
       integer :: column, i
 
       ! Tables that this program wrote are in degrees; those of curves have the unit of tests.
-      radians = problem%settings%measurements%angles == 'radians' &
-         & .and. index(content, canonical_mark) /= 1
+      radians = in_radians(problem) .and. index(content, canonical_mark) /= 1
       call parse_table(content, table, error)
       if (allocated(problem%settings%measurements%file) .and. .not. allocated(error)) then
          column = foreign_column(table)
