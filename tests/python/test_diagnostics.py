@@ -337,7 +337,7 @@ def build_without_sentences(folder: Path) -> Path:
 
 
 #: Cases whose diagnostics others give as well.
-WITHOUT_OWN_CODE = {"misread", "outlier", "limits", "contradicting", "sds_below", "sds_above"}
+WITHOUT_OWN_CODE = {"misread", "outlier", "contradicting", "sds_below", "sds_above"}
 
 
 @pytest.mark.long
