@@ -120,7 +120,7 @@ contains
       real(wp), intent(in) :: w(:, :), log_weights(:)
       !> Greatest k; and greatest weight, in mean weights, and share in all weights of one draw: the
       !> chain stays at it for about as many proposals, and this share of its samples.
-      real(wp), parameter :: most_k = 0.7_wp, most_weight = 50.0_wp, most_share = 0.02_wp
+      real(wp), parameter :: most_k = 0.7_wp, most_weight = 25.0_wp, most_share = 0.02_wp
       real(wp), allocatable :: weights(:), squares(:)
       integer :: j, n
 
