@@ -62,6 +62,8 @@ contains
       !> weights.
       integer, parameter :: short_divisor = 3, least_proposals = 5000
       integer :: sweeps
+      !> Whether there is a chain, and whether the points are new. The mixture of earlier points is
+      !> used again.
       logical :: is_made, is_new
 
       is_new = .false.

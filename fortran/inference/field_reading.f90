@@ -37,9 +37,10 @@ contains
       !> crystal: the constants are not used, and the exact theory of the extremely anisotropic
       !> crystals to which a wrong statement leads would take hours.
       logical, intent(out), optional :: is_hopeless
+      !> Stride of the draws that show the error of an expansion over directions.
+      integer, parameter :: some = 10
       !> Factor on the allowed error, since the draws of the chains differ from these. Factor for
       !> the grains with which proposals are found, and the share of draws that must satisfy it.
-      integer, parameter :: some = 10
       real(wp), parameter :: reserve = 0.3_wp, rough_errors = 5.0_wp, most_draws = 0.8_wp
       real(wp) :: anisotropy(size(draws, 2)), errors(size(draws, 2)), cost, least_cost, least_wrong
       real(wp), allocatable :: exact(:, :)
