@@ -70,11 +70,14 @@ contains
 
       shape = 0
       shape(:size(axes)) = axes
-      call c_f_pointer(address, content)
       call add(kind//achar(size(axes))//repeat(achar(0), 2)//transfer(len(name), repeat(' ', 4)) &
          & //transfer([n_bytes, shape], repeat(' ', header_bytes - 8)))
       call add(name//repeat(achar(0), int(padded(len(name, i8)) - len(name))))
-      call add(content)
+      ! An empty array may have no address.
+      if (n_bytes > 0) then
+         call c_f_pointer(address, content)
+         call add(content)
+      end if
       call add(repeat(' ', int(padded(n_bytes) - n_bytes)))
 
    contains
