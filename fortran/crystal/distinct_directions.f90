@@ -240,8 +240,9 @@ contains
       real(wp), allocatable, intent(out) :: directions(:, :)
       integer, parameter :: divisions = 60
       real(wp), parameter :: digits = 1.0e12_wp
-      real(wp), allocatable :: grid(:, :), corners(:, :), nearest(:)
-      real(wp) :: images(3, size(region%group, 3))
+      !> Points of the region, and the cosine of the angle from each to the nearest direction.
+      real(wp), allocatable :: grid(:, :), corners(:, :), cosine(:)
+      real(wp) :: image(3)
       integer :: g, k
 
       if (region%dimension < 2) then
@@ -251,17 +252,18 @@ contains
       call divide(region, 1, corners)
       corners = corners(:, size(corners, 2):1:-1)
       call divide(region, divisions, grid)
-      allocate (nearest(size(grid, 2)), source=pi)
+      allocate (cosine(size(grid, 2)), source=-1.0_wp)
       allocate (directions(3, n))
       do k = 1, n
          if (k <= size(corners, 2)) then
             directions(:, k) = corners(:, k)
          else
-            directions(:, k) = grid(:, maxloc(anint(nearest*digits), dim=1))
+            directions(:, k) = grid(:, minloc(anint(cosine*digits), dim=1))
          end if
-         images = reshape([(matmul(directions(:, k), region%group(:, :, g)), g=1, &
-            & size(images, 2))], shape(images))
-         nearest = min(nearest, acos(min(1.0_wp, maxval(matmul(transpose(images), grid), 1))))
+         do g = 1, size(region%group, 3)
+            image = matmul(directions(:, k), region%group(:, :, g))
+            cosine = max(cosine, image(1)*grid(1, :) + image(2)*grid(2, :) + image(3)*grid(3, :))
+         end do
       end do
    end subroutine spread_of_directions
 
