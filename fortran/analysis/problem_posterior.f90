@@ -16,9 +16,7 @@ module problem_posterior
    use point_tables, only: points_type
    use problem, only: problem_type
    use quantities, only: check_distinct, check_quantity, check_value, new_quantity, quantity_type
-   use samplers, only: chains_type, checkpoint_type, new_checkpoint, new_sampler, &
-      & run_settings_type, sample_chains
-   use settings_reader, only: settings_namelist
+   use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use settings_schema, only: measurements_settings_type
    use surrogate_model, only: surrogate_type
    use text, only: to_text
@@ -33,8 +31,7 @@ module problem_posterior
       !> Number of the random stream of the first chain; each further chain has the next one. The
       !> chains that &sampler asks for have the streams from 1.
       integer :: first_stream
-      !> Whether any draws near the posterior are good enough. No chain is then stored in the folder
-      !> `kept_in` of the problem.
+      !> Whether any draws near the posterior are good enough.
       logical :: is_rough = .false.
    end type run_type
    !> Chains that show how the posterior must be evaluated, or which speeds are detected; of the
@@ -361,7 +358,7 @@ contains
       call check_step_2(problem, error)
       if (allocated(error)) return
       associate (s => problem%settings%sampler)
-         call run_chains(problem, posterior, s%method, s%method, &
+         call run_chains(problem, posterior, s%method, &
             & run_type(s%burn_in, s%samples, s%chains, 1), chains, error)
       end associate
    end subroutine sample_posterior
@@ -383,39 +380,28 @@ contains
       end if
       if (allocated(error)) return
       call run_chains(problem, density, trim(merge('direct  ', 'ensemble', &
-         & density%prior_only .and. density%prior%is_drawn())), 'aside', run, chains, error)
+         & density%prior_only .and. density%prior%is_drawn())), run, chains, error)
    end subroutine sample_aside
 
-   !> Chains of a density, those that are kept from the disk.
-   subroutine run_chains(problem, density, method, label, run, chains, error)
+   !> Chains of a density.
+   subroutine run_chains(problem, density, method, run, chains, error)
       type(problem_type), intent(in) :: problem
       type(posterior_type), intent(in) :: density
-      !> Of the sampler; and what tells these chains from those of other runs.
-      character(len=*), intent(in) :: method, label
+      !> Of the sampler.
+      character(len=*), intent(in) :: method
       type(run_type), intent(in) :: run
       type(chains_type), intent(inout) :: chains
       type(error_type), allocatable, intent(out) :: error
-      character(len=*), parameter :: groups = 'problem measurements prior knowledge'
-      character(len=:), allocatable :: identity
       class(sampler_type), allocatable :: sampler
-      type(checkpoint_type) :: checkpoint
       type(posterior_type) :: condensed
 
       call new_sampler(method, run%burn_in, sampler, error)
       if (run%is_rough) sampler%efforts = 1
-      ! The evaluation of the theory changes the density, perhaps not at the points by which a
-      ! checkpoint recognises it: the label of the checkpoint therefore contains its limit.
-      if (allocated(problem%run%kept_in) .and. .not. run%is_rough) then
-         identity = label//' '//to_text(run%burn_in)//' '//to_text(run%samples)//' ' &
-            & //to_text(density%grains%full_above)//settings_namelist(problem%settings, groups)
-         call new_checkpoint(problem%run%kept_in, identity, density, checkpoint)
-      end if
       condensed = density
       call condense(condensed)
       if (.not. allocated(error)) then
          call sample_chains(condensed, sampler, run_settings_type(run%samples, run%chains, &
-            & problem%threads(), problem%settings%problem%seed, run%first_stream), chains, error, &
-            & checkpoint)
+            & problem%threads(), problem%settings%problem%seed, run%first_stream), chains, error)
       end if
       call problem%locate('prior', '', error)
    end subroutine run_chains

@@ -35,8 +35,9 @@ module ensemble_evolution
       !> it is used.
       class(target_type), pointer, private :: exact => null()
       class(target_type), allocatable, private :: coarse
-      logical, private :: is_coarse = .false.
+      logical :: is_coarse = .false.
    contains
+      procedure :: start_walkers, propose => propose_along
       procedure, private :: start, whiten, choose_density, evaluate, step, move_walkers, resample
    end type population_type
 
@@ -271,6 +272,37 @@ contains
          accepted = accepted + 1
       end do
    end subroutine move_walkers
+
+   !> Start walkers at points that are drawn by their weights at the temperature 1.
+   subroutine start_walkers(self, stream, walkers)
+      class(population_type), intent(in) :: self
+      type(random_stream_type), intent(inout) :: stream
+      !> Their densities are not set.
+      type(points_type), intent(inout) :: walkers
+      type(population_type) :: cold
+      integer :: k
+
+      cold = self
+      call cold%resample(stream, (1.0_wp - 1.0_wp/self%temperature)*self%log_density)
+      do k = 1, size(walkers%w, 2)
+         walkers%w(:, k) = cold%w(:, 1 + (k - 1)*size(cold%w, 2)/size(walkers%w, 2))
+         call self%whitening%to_white(walkers%w(:, k), walkers%u(:, k))
+      end do
+   end subroutine start_walkers
+
+   !> Move a point along the difference of two others, in whitened coordinates.
+   subroutine propose_along(self, stream, u, moved)
+      class(population_type), intent(in) :: self
+      type(random_stream_type), intent(inout) :: stream
+      !> (dimension).
+      real(wp), intent(in) :: u(:)
+      real(wp), intent(out) :: moved(:)
+      integer :: a, b
+
+      call stream%pick(size(self%u, 2), a)
+      call stream%pick(size(self%u, 2), b)
+      call self%move%propose(stream, self%u(:, a) - self%u(:, b), u, moved)
+   end subroutine propose_along
 
    !> The next inverse temperature, at most 1: the largest one at which the points of the present
    !> one, weighted for it, still have the effective share below.

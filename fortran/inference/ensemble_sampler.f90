@@ -5,16 +5,13 @@
 !> coordinates in which the ridge is straight, and improved by importance sampling.
 !>
 !> Where the mixture fits well, its draws are the proposals of the chain (`independent_draws`).
-!> Elsewhere, and where runs disagree, a plain Markov chain with a fixed kernel follows. A step is
-!> either an independent draw of the mixture, repeated until it is in the support, or a move along
-!> the difference of two points of the burn-in. One sample takes two steps, or more where the
-!> mixture fits badly.
+!> Elsewhere, and where runs disagree, Markov chains with a fixed kernel follow. A step is either an
+!> independent draw of the mixture or a move along the difference of two points of the burn-in.
 module ensemble_sampler
    use abstract_sampler, only: chain_type, sampler_type, target_type
-   use ensemble_evolution, only: evolve_population, many_dimensions, &
-      & population_type
+   use ensemble_evolution, only: evolve_population, many_dimensions, population_type
    use independent_draws, only: draw_independently
-   use student_mixture, only: log_mixture
+   use student_mixture, only: draw_mixture, log_mixture
    use moves, only: is_accepted, mixture_move_type, new_points, points_type
    use progress, only: advance_progress
    use running_command, only: stop_requested
@@ -23,17 +20,6 @@ module ensemble_sampler
    implicit none
    private
    public :: ensemble_sampler_type, most_efforts
-
-   !> State of a Markov chain, whose kernel is fixed.
-   type :: walk_type
-      !> Share of the steps that are draws of the mixture, and number of steps for a sample.
-      real(wp) :: mixture_share = 0.0_wp
-      integer :: steps = 1
-      !> The present point, of number 1.
-      type(points_type) :: state
-      !> Number of draws of the mixture, and of the accepted ones.
-      integer :: drawn = 0, accepted = 0
-   end type walk_type
 
    type, extends(sampler_type) :: ensemble_sampler_type
       !> Points of the burn-in, and the move along their differences. A sampler that has them begins
@@ -56,7 +42,6 @@ contains
       integer, intent(in) :: effort
       class(target_type), intent(in) :: target
       type(random_stream_type), intent(inout) :: stream
-      !> Its acceptance is the share of accepted draws of the mixture.
       type(chain_type), intent(inout) :: chain
       !> The short burn-in is divided by this number. Fewer proposals do not show the tail of their
       !> weights.
@@ -66,6 +51,9 @@ contains
       !> used again.
       logical :: is_made, is_new
 
+      ! In many dimensions the first burn-in was a whole one.
+      if (effort == whole_effort .and. target%dimension >= many_dimensions &
+         & .and. self%mixture%fits_badly()) return
       is_new = .false.
       if (effort == whole_effort .or. .not. allocated(self%population%log_density)) then
          sweeps = self%burn_in
@@ -90,81 +78,116 @@ contains
       if (.not. stop_requested()) call target%from_working(chain%draws, chain%log_density)
    end subroutine run_ensemble
 
-   !> Make a Markov chain.
+   !> Make Markov chains with a fixed kernel, side by side, so that a call evaluates all of them.
+   !> The chains' samples follow one another.
+   !>
+   !> A step walks for some steps by a cheap density, and is then accepted by the ratio of the exact
+   !> density to the cheap one (surrogate transition; Liu, Monte Carlo Strategies in Scientific
+   !> Computing, 2001, section 9.4.3).
    subroutine walk_from_population(self, target, stream, chain)
       class(ensemble_sampler_type), intent(inout) :: self
       class(target_type), intent(in) :: target
       type(random_stream_type), intent(inout) :: stream
       type(chain_type), intent(inout) :: chain
-      type(walk_type) :: kernel
-      integer :: i
+      integer, parameter :: most_walkers = 20, cheap_steps = 10
+      type(points_type) :: walkers, proposed
+      class(target_type), allocatable :: cheap
+      real(wp), allocatable :: exact(:)
+      real(wp) :: mixture_share
+      integer :: i, k, m, n, step, steps, sample
 
       if (allocated(chain%estimate)) deallocate (chain%estimate)
-      ! Steps along differences reach tails that the mixture misses. Where it fits badly, more of
-      ! the steps are of this kind.
+      allocate (cheap, source=target)
+      if (self%population%is_coarse) call cheap%coarsen()
+      ! Where the mixture fits badly, there are more steps, and more of them along differences.
+      mixture_share = 0.0_wp
       associate (quality => self%mixture%quality)
-         if (quality > 0.0_wp) kernel%mixture_share = min(0.6_wp, max(0.2_wp, quality))
-         kernel%steps = 2 + nint(2.0_wp*target%dimension*max(0.0_wp, 0.7_wp - quality))
+         if (quality > 0.0_wp) mixture_share = min(0.6_wp, max(0.2_wp, quality))
+         steps = 1 + nint(0.8_wp*target%dimension*max(0.0_wp, 0.7_wp - quality))
       end associate
-      associate (state => kernel%state, population => self%population)
-         state = new_points(target%dimension, 1)
-         call stream%pick(size(population%log_density), i)
-         call state%set(1, population, i)
-         call population%whitening%from_white(state%u(:, 1), state%w(:, 1))
-         call target%evaluate_working(state%w, state%log_density)
-         do i = 1, size(chain%log_density)
-            if (stop_requested()) return
-            call advance_progress(1_i8)
-            call walk(self, kernel, target, stream)
-            chain%draws(:, i) = state%w(:, 1)
-            chain%log_density(i) = state%log_density(1)
+      m = min(most_walkers, size(chain%log_density))
+      n = (size(chain%log_density) + m - 1)/m
+      walkers = new_points(target%dimension, m)
+      call self%population%start_walkers(stream, walkers)
+      proposed = walkers
+      allocate (exact(m))
+      call target%evaluate_working(walkers%w, exact)
+      call cheap%evaluate_working(walkers%w, walkers%log_density)
+      chain%acceptance = 0.0_wp
+      ! A tenth of the samples is left out.
+      do sample = 1 - n/10, n
+         do step = 1, steps
+            proposed = walkers
+            do i = 1, cheap_steps
+               if (stop_requested()) return
+               call walk(self, cheap, stream, mixture_share, proposed)
+            end do
+            call accept_exact()
          end do
-      end associate
-      chain%acceptance = real(kernel%accepted, wp)/max(1, kernel%drawn)
+         call advance_progress(int(m, i8))
+         do k = 1, m
+            i = (k - 1)*n + sample
+            if (sample < 1 .or. i > size(chain%log_density)) cycle
+            chain%draws(:, i) = walkers%w(:, k)
+            chain%log_density(i) = exact(k)
+         end do
+      end do
+      chain%acceptance = chain%acceptance/(m*steps*(n + n/10))
+
+   contains
+
+      !> Accept the points to which the walkers came by the cheap density.
+      subroutine accept_exact()
+         real(wp) :: exact_there(m)
+
+         call target%evaluate_working(proposed%w, exact_there)
+         do k = 1, m
+            if (.not. is_accepted(stream, exact_there(k) - proposed%log_density(k), &
+               & exact(k) - walkers%log_density(k), 1.0_wp)) then
+               cycle
+            end if
+            call walkers%set(k, proposed, k)
+            exact(k) = exact_there(k)
+            chain%acceptance = chain%acceptance + 1.0_wp
+         end do
+      end subroutine accept_exact
    end subroutine walk_from_population
 
-   !> Make the steps of one sample. log_q is the logarithm of the mixture's density.
-   subroutine walk(self, kernel, target, stream)
-      class(ensemble_sampler_type), intent(inout) :: self
-      type(walk_type), intent(inout) :: kernel
+   !> Move all walkers, in place: to independent draws of the mixture, or along differences of
+   !> points of the burn-in, which reach tails that the mixture misses.
+   subroutine walk(self, target, stream, mixture_share, walkers)
+      class(ensemble_sampler_type), intent(in) :: self
       class(target_type), intent(in) :: target
       type(random_stream_type), intent(inout) :: stream
+      !> Probability of draws of the mixture.
+      real(wp), intent(in) :: mixture_share
+      type(points_type), intent(inout) :: walkers
       type(points_type) :: proposed
-      real(wp) :: log_q, proposed_log_q, v
-      integer :: step, a, b
+      real(wp) :: v, log_ratio
+      integer :: k
 
-      associate (state => kernel%state, mixture => self%mixture, population => self%population)
-         proposed = state
-         log_q = log_mixture(mixture%mixture, state%u(:, 1))
-         do step = 1, kernel%steps
-            call stream%uniform(v)
-            if (v < kernel%mixture_share) then
-               kernel%drawn = kernel%drawn + 1
-               call mixture%propose(target, stream)
-               if (mixture%next == 0) cycle
-               call proposed%set(1, mixture%pool, mixture%next)
-               proposed_log_q = log_mixture(mixture%mixture, proposed%u(:, 1))
-               if (.not. is_accepted(stream, proposed%log_density(1) - proposed_log_q, &
-                  & state%log_density(1) - log_q, 1.0_wp)) then
-                  cycle
-               end if
-               kernel%accepted = kernel%accepted + 1
+      proposed = walkers
+      call stream%uniform(v)
+      associate (mixture => self%mixture%mixture, whitening => self%population%whitening)
+         do k = 1, size(walkers%log_density)
+            if (v < mixture_share) then
+               call draw_mixture(mixture, stream, proposed%u(:, k))
             else
-               ! Along the difference of two points of the burn-in.
-               call stream%pick(size(population%u, 2), a)
-               call stream%pick(size(population%u, 2), b)
-               call population%move%propose(stream, population%u(:, a) - population%u(:, b), &
-                  & state%u(:, 1), proposed%u(:, 1))
-               call population%whitening%from_white(proposed%u(:, 1), proposed%w(:, 1))
-               call target%evaluate_working(proposed%w, proposed%log_density)
-               if (.not. is_accepted(stream, proposed%log_density(1), state%log_density(1), &
-                  & 1.0_wp)) then
-                  cycle
-               end if
-               proposed_log_q = log_mixture(mixture%mixture, proposed%u(:, 1))
+               call self%population%propose(stream, walkers%u(:, k), proposed%u(:, k))
             end if
-            state = proposed
-            log_q = proposed_log_q
+            call whitening%from_white(proposed%u(:, k), proposed%w(:, k))
+         end do
+         call target%evaluate_working(proposed%w, proposed%log_density)
+         do k = 1, size(walkers%log_density)
+            log_ratio = 0.0_wp
+            if (v < mixture_share) then
+               log_ratio = log_mixture(mixture, proposed%u(:, k)) &
+                  & - log_mixture(mixture, walkers%u(:, k))
+            end if
+            if (is_accepted(stream, proposed%log_density(k), walkers%log_density(k) + log_ratio, &
+               & 1.0_wp)) then
+               call walkers%set(k, proposed, k)
+            end if
          end do
       end associate
    end subroutine walk

@@ -34,9 +34,8 @@ contains
       !> not worth its time for few samples.
       integer, parameter :: least_rounds = 4, most_rounds = 12, most_finals = 3, &
          & least_in_round = 600, most_in_round = 3000
-      !> Effective share of the draws from which on they are proposals, and below which a Markov
-      !> chain is the better way.
-      real(wp), parameter :: good_quality = 0.57_wp, least_quality = 0.1_wp
+      !> Effective share of the draws from which on they are proposals.
+      real(wp), parameter :: good_quality = 0.57_wp
       type(estimate_type) :: estimate
       integer :: round, n, finals
 
@@ -51,7 +50,7 @@ contains
          if (mixture%rounds >= least_rounds .and. mixture%quality > good_quality) exit
       end do
       do finals = 1, most_finals
-         if (mixture%quality < least_quality) return
+         if (mixture%fits_badly()) return
          n = max(least_draws, size(chain%log_density), &
             & ceiling(proposals_of(mixture%quality)*size(chain%log_density)))
          call mixture%draw_inside(target, stream, n)

@@ -34,11 +34,8 @@ module moves
    type :: mixture_move_type
       type(whitening_type) :: whitening
       type(mixture_type) :: mixture
-      !> Draws of the mixture, which do not depend on the state of the chain.
+      !> Draws of the mixture.
       type(points_type) :: pool
-      !> Number of the proposed draw in the pool. No step has used those before it. It is 0 if all
-      !> draws of all attempts were outside the support.
-      integer :: next = 0
       !> Of the last `draw_inside`: the logarithms of the weights of the pool's draws, which are the
       !> ratios of the density to that of the mixture in whitened coordinates; the effective share
       !> of these draws, 0 if they are useless; and the share of all draws in the support.
@@ -54,7 +51,7 @@ module moves
       !> Number of rounds of draws from which it has learned.
       integer :: rounds = 0
    contains
-      procedure :: setup => fit_to_archive, draw_inside, learn, propose => propose_draw
+      procedure :: setup => fit_to_archive, draw_inside, learn, fits_badly
       procedure, private :: draw
    end type mixture_move_type
 
@@ -152,24 +149,6 @@ contains
          & max(least_scale, self%scale*exp(0.5_wp*(acceptance - target_acceptance))))
    end subroutine tune_difference
 
-   !> Propose a draw of the support: the last one of the pool that was not proposed yet, or one of a
-   !> new pool.
-   subroutine propose_draw(self, target, stream)
-      class(mixture_move_type), intent(inout) :: self
-      class(target_type), intent(in) :: target
-      type(random_stream_type), intent(inout) :: stream
-      integer, parameter :: at_once = 50, most_attempts = 20
-      integer :: attempt, last
-
-      last = self%next - 1
-      do attempt = 0, most_attempts
-         self%next = findloc(self%pool%log_density(:last) > outside, .true., dim=1, back=.true.)
-         if (self%next > 0 .or. attempt == most_attempts) return
-         call self%draw(target, stream, at_once)
-         last = at_once
-      end do
-   end subroutine propose_draw
-
    !> Draw n points of the mixture into the pool.
    subroutine draw(self, target, stream, n)
       class(mixture_move_type), intent(inout) :: self
@@ -245,6 +224,14 @@ contains
       log_weights = exp(self%log_weights - maxval(self%log_weights))
       self%quality = sum(log_weights)**2/sum(log_weights**2)/n_inside
    end subroutine draw_inside
+
+   !> Whether so few draws are effective ones that a Markov chain is the better way.
+   pure logical function fits_badly(self)
+      class(mixture_move_type), intent(in) :: self
+      real(wp), parameter :: least_quality = 0.1_wp
+
+      fits_badly = self%quality < least_quality
+   end function fits_badly
 
    !> Fit the mixture to the archive and to all draws by their weights. Draws outside the support
    !> are data as well, so that the mixture does not avoid the bounds. The archive stays among the

@@ -1,23 +1,13 @@
-!> The samplers by name, the loop over chains, and the checkpoints of finished chains.
+!> The samplers by name, and the loop over chains.
 !>
 !> Chain k draws from the random stream (seed, first_stream + k - 1), whatever thread runs it.
-!>
-!> A finished Markov chain is stored on the disk until the results are written. A run that was
-!> stopped resumes from these files, with the same numbers. Independent draws are made again.
-!>
-!> The target, the sampler's settings and the random stream determine a chain. Its file is named by
-!> a hash of the settings and of the log densities of some points: other measurements, another
-!> surrogate or another prior change their bits. A chain that cannot be stored, or whose file is
-!> damaged, is drawn again.
 module samplers
    use abstract_sampler, only: chain_type, draw_starts, estimate_type, sampler_type, target_type
    use ensemble_sampler, only: ensemble_sampler_type, most_efforts
    use errors, only: error_type, raise, refuse
-   use files, only: checksum
    use independent_draws, only: agree
    use kinds, only: i8, wp
    use machine, only: raise_no_memory
-   use named_values, only: named_values_reader_type, named_values_type, restore
    use random, only: new_random_stream, random_stream_type
    use progress, only: advance_progress, begin_progress, end_progress
    use running_command, only: listen, stop_listening, stop_requested
@@ -25,21 +15,7 @@ module samplers
    use text, only: join, to_text
    implicit none
    private
-   public :: new_sampler, run_settings_type, chains_type, &
-      & sample_chains, checkpoint_type, new_checkpoint
-
-   !> Prefix of the names of these files.
-   character(len=*), parameter, public :: chain_prefix = '.chain-'
-   !> Version of the format of these files.
-   integer, parameter :: chain_format = 2
-   integer(i8), parameter :: bytes_of_real = storage_size(1.0_wp)/8
-
-   type :: checkpoint_type
-      !> Path of a chain's file without the number of its stream. Unallocated if no chain is stored.
-      character(len=:), allocatable :: stem
-   contains
-      procedure :: restore => restore_chain, store => store_chain
-   end type checkpoint_type
+   public :: new_sampler, run_settings_type, chains_type, sample_chains
 
    !> Names that the user may choose.
    character(len=*), parameter, public :: sampler_names = 'ensemble, scmh'
@@ -70,76 +46,6 @@ module samplers
    end type chains_type
 
 contains
-
-   !> Set up the checkpoint of a target's chains. `folder` has no slash at its end. `inputs` is a
-   !> text that differs where the settings differ.
-   subroutine new_checkpoint(folder, inputs, target, self)
-      character(len=*), intent(in) :: folder, inputs
-      class(target_type), intent(in) :: target
-      type(checkpoint_type), intent(out) :: self
-      !> Number of points whose log densities are in the hash.
-      integer, parameter :: probes = 20
-      type(random_stream_type) :: stream
-      real(wp) :: points(target%dimension, probes), density(probes)
-      integer :: n_found
-
-      stream = new_random_stream(0, 0)
-      call draw_starts(target, stream, points, density, n_found)
-      self%stem = folder//'/'//chain_prefix &
-         & //checksum(inputs//bytes_of(density(:n_found)))//'-'
-   end subroutine new_checkpoint
-
-   !> The bits of values.
-   pure function bytes_of(values) result(bytes)
-      real(wp), intent(in) :: values(:)
-      character(len=size(values)*bytes_of_real) :: bytes
-
-      bytes = transfer(values, bytes)
-   end function bytes_of
-
-   !> Read the chain of a random stream if its file exists and is intact: the chain is then started.
-   subroutine restore_chain(self, number, chain)
-      class(checkpoint_type), intent(in) :: self
-      !> Number of the random stream.
-      integer, intent(in) :: number
-      !> Unchanged if it was not read.
-      type(chain_type), intent(inout) :: chain
-      character(len=*), parameter :: forms(4) = [character(len=28) :: 'format, i', &
-         & 'acceptance, r', 'log_density, r, sample', 'draws, r, parameter, sample']
-      type(error_type), allocatable :: error
-      character(len=:), allocatable, target :: content
-      type(named_values_reader_type) :: values
-      real(wp), pointer :: log_density(:), draws(:)
-
-      if (.not. allocated(self%stem)) return
-      call restore(self%stem//to_text(number), chain_format, forms, '', content, error)
-      if (allocated(error)) return
-      call values%look_at(content)
-      log_density => values%reals('log_density')
-      draws => values%reals('draws')
-      if (size(log_density) /= size(chain%log_density) .or. size(draws) /= size(chain%draws)) return
-      chain%acceptance = values%real('acceptance')
-      chain%log_density = log_density
-      chain%draws = reshape(draws, shape(chain%draws))
-      chain%started = .true.
-   end subroutine restore_chain
-
-   !> Store the chain of a random stream. A failure has no message: the chain is then drawn again.
-   subroutine store_chain(self, number, chain)
-      class(checkpoint_type), intent(in) :: self
-      !> Number of the random stream.
-      integer, intent(in) :: number
-      type(chain_type), intent(in) :: chain
-      type(error_type), allocatable :: error
-      type(named_values_type) :: values
-
-      if (.not. allocated(self%stem)) return
-      call values%put('format', chain_format)
-      call values%put('acceptance', chain%acceptance)
-      call values%put('log_density', chain%log_density)
-      call values%put('draws', chain%draws)
-      call values%store(self%stem//to_text(number), error)
-   end subroutine store_chain
 
    !> Make a sampler by its name: a new one needs a module, a name in the list and a line here. The
    !> user may choose those of the list.
@@ -197,18 +103,15 @@ contains
       end associate
    end function best_draw
 
-   !> Run all chains except those that the checkpoint has.
-   subroutine sample_chains(target, sampler, settings, chains, error, checkpoint)
+   !> Run all chains.
+   subroutine sample_chains(target, sampler, settings, chains, error)
       class(target_type), intent(in) :: target
       class(sampler_type), intent(in) :: sampler
       type(run_settings_type), intent(in) :: settings
       !> On entry it may have the samplers of a similar target, which then begin where they are.
       type(chains_type), intent(inout), target :: chains
       type(error_type), allocatable, intent(out) :: error
-      !> Stores each Markov chain as soon as it is finished.
-      type(checkpoint_type), intent(in) :: checkpoint
       type(chain_type), allocatable :: each(:)
-      logical, allocatable :: is_restored(:)
       integer :: effort, k, n, last, length, stat
       logical :: interrupted
 
@@ -230,11 +133,9 @@ contains
             each(k)%draws(1:target%dimension, 1:length) => chains%draws(:, :, first:last)
             each(k)%log_density(1:length) => chains%log_density(:, first:last)
          end associate
-         call checkpoint%restore(settings%first_stream + k - 1, each(k))
       end do
       call listen()
       call begin_progress('sampling', int(n, i8)*(sampler%burn_in + length))
-      is_restored = each%started
       do effort = 1, sampler%efforts
          call run_each()
          if (stop_requested() .or. .not. all(each%started)) exit
@@ -256,22 +157,16 @@ contains
 
    contains
 
-      !> Run the samplers of the chains that were not restored.
+      !> Run the samplers of the chains.
       subroutine run_each()
          type(random_stream_type) :: stream
-         integer :: i, number
+         integer :: i
 
          !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) &
-         !$omp & private(stream, number)
+         !$omp & private(stream)
          do i = 1, n
-            if (is_restored(i)) cycle
-            number = settings%first_stream + i - 1
-            stream = new_random_stream(settings%seed, number)
+            stream = new_random_stream(settings%seed, settings%first_stream + i - 1)
             call chains%samplers(i)%run(effort, target, stream, each(i))
-            if (effort < sampler%efforts .or. .not. each(i)%started .or. stop_requested()) cycle
-            !$omp critical (chain_files)
-            call checkpoint%store(number, each(i))
-            !$omp end critical (chain_files)
          end do
          !$omp end parallel do
       end subroutine run_each

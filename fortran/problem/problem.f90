@@ -65,9 +65,6 @@ module problem
       character(len=:), allocatable :: command, needed, groups
       !> Stages that the file requests, in order.
       character(len=8), allocatable :: stages(:)
-      !> Folder, without its last slash, for finished chains until Step 2 is done; unallocated: they
-      !> are not stored.
-      character(len=:), allocatable :: kept_in
       !> Whether the batch program has it, which writes the table of draws unless told otherwise.
       logical :: is_of_batch = .false.
    end type run_type

@@ -5,7 +5,6 @@ module extract_stage
    use files, only: new_file_type
    use json, only: json_type
    use posterior_diagnostics, only: check_analysis
-   use samplers, only: chain_prefix
    use running_command, only: remove_files
    use stage_documents, only: end_document, inputs_of
    use surrogate_loading, only: analysis_stage_type
@@ -30,7 +29,6 @@ contains
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
 
-      self%problem%run%kept_in = self%output
       call self%analysis%infer(error)
       if (allocated(error)) return
       call check_analysis(self%analysis)
@@ -46,7 +44,6 @@ contains
          end if
       end associate
       if (allocated(error)) return
-      call remove_files(self%output, chain_prefix)
       call describe_prior(self%analysis, self%more)
       associate (chains => self%analysis%chains)
          self%done = to_text(size(chains%draws, 3))//' chains of '//to_text(size(chains%draws, 2)) &

@@ -6,8 +6,6 @@ module next_stage
    use further_measurements, only: suggest_measurements
    use json, only: json_type
    use kinds, only: wp
-   use running_command, only: remove_files
-   use samplers, only: chain_prefix
    use stage_documents, only: inputs_of
    use statistics, only: flattened
    use surrogate_loading, only: analysis_stage_type
@@ -36,11 +34,9 @@ contains
          & self%places), self%analysis%posterior%dimension, draws, error)
       if (allocated(error)) return
       if (.not. allocated(draws)) then
-         self%problem%run%kept_in = self%output
          call self%analysis%infer(error)
          if (allocated(error)) return
          draws = flattened(self%analysis%chains%draws)
-         call remove_files(self%output, chain_prefix)
       end if
       call suggest_measurements(self%analysis, draws, page, error)
       self%warnings = self%analysis%warnings

@@ -13,7 +13,7 @@ program test_inference
    use observables, only: new_observable, observable_type
    use settings_schema, only: measurements_settings_type
    use random, only: new_random_stream, random_stream_type
-   use samplers, only: chains_type, checkpoint_type, new_sampler, &
+   use samplers, only: chains_type, new_sampler, &
       & run_settings_type, sample_chains
    use small_matrices, only: factor_columns
    use statistics, only: covariance_of, flattened
@@ -249,8 +249,7 @@ contains
       wavy%dimension = 3
       call new_sampler(name, 2000, sampler, error)
       call check_success('any '//name//': is known', error)
-      call sample_chains(wavy, sampler, run_settings_type(samples, 4, 1, 3), chains, error, &
-         & checkpoint_type())
+      call sample_chains(wavy, sampler, run_settings_type(samples, 4, 1, 3), chains, error)
       call check_success('any '//name//': chains', error)
       call check('any '//name//': number of samples', all(shape(chains%draws) == [3, samples, 4]) &
          & .and. all(shape(chains%log_density) == [samples, 4]))
@@ -275,15 +274,14 @@ contains
       do threads = 2, 4, 2
          if (allocated(other%samplers)) deallocate (other%samplers)
          call sample_chains(wavy, sampler, run_settings_type(samples, 4, threads, 3), other, &
-            & error, checkpoint_type())
+            & error)
          call check('any '//name//': the same to the bit on more threads', &
             & all(other%draws == chains%draws) .and. all(other%log_density == chains%log_density) &
             & .and. all(other%acceptance == chains%acceptance))
       end do
       call check('any '//name//': another stream has other draws', &
          & .not. any(chains%draws(1, :, 1) == chains%draws(1, :, 2)))
-      call sample_chains(wavy, sampler, run_settings_type(7, 1, 1, 3), other, error, &
-         & checkpoint_type())
+      call sample_chains(wavy, sampler, run_settings_type(7, 1, 1, 3), other, error)
       call check('any '//name//': few samples', all(shape(other%draws) == [3, 7, 1]) &
          & .and. all(other%draws(1, :, :) > -1.0_wp))
       nowhere%dimension = 2
@@ -328,8 +326,7 @@ contains
       wavy%dimension = dimension
       words = 'a wavy density in '//to_text(dimension)
       call new_sampler('ensemble', burn_in, sampler, error)
-      call sample_chains(wavy, sampler, run_settings_type(samples, 4, 2, 3), chains, error, &
-         & checkpoint_type())
+      call sample_chains(wavy, sampler, run_settings_type(samples, 4, 2, 3), chains, error)
       call check_success(trim(words)//': chains', error)
       mean = normal_density(-1.0_wp)/(0.5_wp*(1.0_wp + erf(1.0_wp/sqrt(2.0_wp))))
       second = chains%draws(2, :, :) + 0.8_wp*sin(2.0_wp*chains%draws(1, :, :))
@@ -365,8 +362,7 @@ contains
       banana%upper = [b, 10.0_wp, 5.0_wp]
       call new_sampler(name, burn_in, sampler, error)
       call check_success(name//': is known', error)
-      call sample_chains(banana, sampler, run_settings_type(samples, 4, 1, 7), chains, error, &
-         & checkpoint_type())
+      call sample_chains(banana, sampler, run_settings_type(samples, 4, 1, 7), chains, error)
       call check_success(name//': chains', error)
       mass = 0.5_wp*(erf(b/sqrt(2.0_wp)) - erf(a/sqrt(2.0_wp)))
       mean = (normal_density(a) - normal_density(b))/mass

@@ -18,7 +18,7 @@ module test_operations
    use problem_posterior, only: run_type, sample_aside
    use random, only: new_random_stream, random_stream_type
    use rivals, only: compare_rivals, diagnosis_type
-   use samplers, only: chains_type, checkpoint_type, new_sampler, run_settings_type, sample_chains
+   use samplers, only: chains_type, new_sampler, run_settings_type, sample_chains
    use sequential_design, only: compute_variances, set_candidates, update_posterior_mean
    use shared_errors, only: add_shared
    use surrogate_domain, only: spread_crystals
@@ -137,7 +137,7 @@ contains
          if (allocated(x%error)) return
          run = run_settings_type(x%in%integer('samples'), x%in%integer('chains'), x%threads(), &
             & x%in%integer('seed'))
-         call sample_chains(self%posterior, sampler, run, chains, x%error, checkpoint_type())
+         call sample_chains(self%posterior, sampler, run, chains, x%error)
          if (allocated(x%error)) return
          call x%out%put('draws', chains%draws)
          call x%out%put('log_density', chains%log_density)
