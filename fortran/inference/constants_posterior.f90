@@ -83,7 +83,7 @@ module constants_posterior
    contains
       procedure :: evaluate, evaluate_working, to_working, from_working, coarsen, draw_start
       procedure :: set_field_degree, moduli_at, predict_measurements, evaluate_grains, stiffness, &
-         & new_grains, log_prior
+         & new_grains
       procedure :: has_own_variance, scale_factor, grain_scatter, log_contrast, set_contrast, &
          & log_factor, mean_factors
    end type posterior_type
@@ -247,23 +247,12 @@ contains
             & .and. of_nuisances > outside)) then
             cycle
          end if
-         log_density(i) = self%log_prior(c) + of_nuisances
+         log_density(i) = self%prior%log_density_of_constants(c) + of_nuisances
          if (self%prior_only) cycle
          log_density(i) = log_density(i) + likelihood_of_crystal(self, points(:, i), c, &
             & reshape(self%moduli_at(points(:, i:i)), [size(self%euler, 2)]))
       end do
    end subroutine evaluate
-
-   !> Logarithm of the prior density of the constants at a crystal of the support, up to a constant.
-   pure real(wp) function log_prior(self, c)
-      class(posterior_type), intent(in) :: self
-      real(wp), intent(in) :: c(6, 6)
-
-      associate (prior => self%prior, w => self%prior%logarithms%to_logarithms(c))
-         log_prior = prior%log_density(c, w)
-         if (prior%in_logarithms) log_prior = log_prior - prior%logarithms%log_volume(w)
-      end associate
-   end function log_prior
 
    pure recursive subroutine evaluate_working(self, w, log_density)
       class(posterior_type), intent(in) :: self

@@ -73,7 +73,7 @@ module constants_prior
       type(domain_type), allocatable :: domain
    contains
       procedure :: admits, deviations, log_density, log_mass, draw_start, is_drawn, &
-         & has_bound, is_cut, without_limits, set_knowledge
+         & has_bound, is_cut, without_limits, set_knowledge, log_density_of_constants
    end type prior_type
 
    !> Number of crystals that are drawn to estimate the share of the prior for which the surrogate
@@ -375,6 +375,18 @@ contains
       if (size(self%knowledge%mean) == 0) return
       log_density = log_density - 0.5_wp*sum(self%deviations(c)**2)
    end function log_density
+
+   !> Logarithm of the density of the constants at a crystal of the support, up to a constant.
+   pure real(wp) function log_density_of_constants(self, c) result(log_density)
+      class(prior_type), intent(in) :: self
+      !> Stiffness in crystal axes, GPa.
+      real(wp), intent(in) :: c(6, 6)
+
+      associate (w => self%logarithms%to_logarithms(c))
+         log_density = self%log_density(c, w)
+         if (self%in_logarithms) log_density = log_density - self%logarithms%log_volume(w)
+      end associate
+   end function log_density_of_constants
 
    !> Deviations of a crystal from the knowledge, in sds, uncorrelated, (n).
    pure function deviations(self, c)

@@ -66,7 +66,7 @@ contains
          stream = new_random_stream(0, first_stream + c)
          do i = 1, n
             stiffness = posterior%stiffness(draws(:, i, c))
-            checks%log_prior(i, c) = posterior%log_prior(stiffness)
+            checks%log_prior(i, c) = posterior%prior%log_density_of_constants(stiffness)
             if (mod(i, block) == 1) then
                moduli = posterior%moduli_at(draws(:, i:min(n, i + block - 1), c))
             end if

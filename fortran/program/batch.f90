@@ -12,7 +12,7 @@ program batch
    use settings_reader, only: variables_text
    use simulation_loop, only: simulate_all
    use stage_documents, only: begin_results
-   use stages, only: check_stages, groups_of, load_problem, new_stage, read_problem
+   use stages, only: all_stages, check_stages, groups_of, load_problem, new_stage, read_problem
    use surrogate_model, only: places_type
    use text, only: join, lower, newline
    use version, only: installed_data, package_version, shipped_surrogates
@@ -223,7 +223,9 @@ contains
    end subroutine refuse_usage
 
    subroutine print_help()
-      character(len=*), parameter :: lines(19) = [character(len=120) :: usage, '', &
+      character(len=120) :: lines(19)
+
+      lines = [character(len=120) :: usage, '', &
          & 'The computing stages of a namelist file, without Python:', '  &crystals      indents ' &
          & //'the crystals: campaign.sqlite, moduli.csv, curves.csv; and theory.csv', &
          & '  &design        chooses simulations, performs and learns them: campaign.sqlite, ' &
@@ -233,14 +235,13 @@ contains
          & '  &measurements  samples the constants: posterior.bin, posterior.csv, summary.json', &
          & '  &next          ranks the grains to measure next: next.json', &
          & 'bayesindent report DIR makes the page of results.', '', &
-         & '  --stage NAME  only simulate, theory, build, plan, curves, extract or next', &
+         & '  --stage NAME  only one of '//join(all_stages%name, ', '), &
          & '  --output DIR  folder of the results (default runs/<stem of the file>)', &
          & '  --check       only say whether the file, and what it names, is right', &
          & '  --schema      list all variables: group, name, default, kind and meaning', &
          & '  --version     print the version', '', 'exit status: 0 done, perhaps with warnings; ' &
          & //'2 bad input; 3 done, but the result cannot be used; 1 anything else; ', &
          & '128 + N stopped by signal N (run it again to go on).']
-
       call print_line(output_stream, join(lines, newline))
    end subroutine print_help
 end program batch

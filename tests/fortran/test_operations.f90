@@ -152,7 +152,8 @@ contains
          associate (density => self%posterior)
             call density%evaluate(points, x%values(:, 1))
             do i = 1, size(points, 2)
-               x%values(i, 2) = x%values(i, 1) - density%log_prior(density%stiffness(points(:, i)))
+               x%values(i, 2) = x%values(i, 1) &
+                  & - density%prior%log_density_of_constants(density%stiffness(points(:, i)))
             end do
          end associate
          where (spread(.not. x%values(:, 1) > -huge(0.0_wp), 2, 2)) x%values = ieee_value(1.0_wp, &
