@@ -62,6 +62,8 @@ contains
          end if
          call evolve_population(target, int(sweeps, i8)*target%dimension, stream, self%population)
          is_new = .true.
+      else if (effort == 1) then
+         call advance_progress(int(self%burn_in, i8))
       end if
       chain%started = size(self%population%log_density) > 0
       if (.not. chain%started .or. stop_requested()) return
