@@ -5,7 +5,7 @@ module known_targets
    use abstract_sampler, only: outside, target_type
    implicit none
    private
-   public :: banana_type, drawn_wavy_type, wavy_type
+   public :: approximated_wavy_type, banana_type, drawn_wavy_type, wavy_type
 
    !> x is normal within -1.5 .. 2, and y is normal about x² with sd 0.1.
    type, extends(target_type) :: banana_type
@@ -30,6 +30,13 @@ module known_targets
    contains
       procedure :: draw_start => draw_wavy
    end type drawn_wavy_type
+
+   !> The same density with an approximation, whose logarithm errs by up to 1.
+   type, extends(wavy_type) :: approximated_wavy_type
+      logical :: is_coarse = .false.
+   contains
+      procedure :: evaluate => evaluate_approximated, coarsen
+   end type approximated_wavy_type
 
 contains
 
@@ -103,4 +110,20 @@ contains
       log_density = outside
       where (points(1, :) > -1.0_wp) log_density = -0.5_wp*sum(self%straightened(points)**2, 1)
    end subroutine evaluate_wavy
+
+   pure subroutine evaluate_approximated(self, points, log_density)
+      class(approximated_wavy_type), intent(in) :: self
+      real(wp), intent(in) :: points(:, :)
+      real(wp), intent(out) :: log_density(:)
+
+      call self%wavy_type%evaluate(points, log_density)
+      if (.not. self%is_coarse) return
+      where (log_density > outside) log_density = log_density + sin(3.0_wp*points(2, :))
+   end subroutine evaluate_approximated
+
+   subroutine coarsen(self)
+      class(approximated_wavy_type), intent(inout) :: self
+
+      self%is_coarse = .true.
+   end subroutine coarsen
 end module known_targets

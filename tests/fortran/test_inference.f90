@@ -9,7 +9,7 @@ program test_inference
    use errors, only: error_type
    use student_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture
    use kinds, only: pi, wp
-   use known_targets, only: banana_type, drawn_wavy_type, wavy_type
+   use known_targets, only: approximated_wavy_type, banana_type, drawn_wavy_type, wavy_type
    use observables, only: new_observable, observable_type
    use settings_schema, only: measurements_settings_type
    use random, only: new_random_stream, random_stream_type
@@ -37,6 +37,7 @@ program test_inference
       do k = 1, size(names)
          call test_any_sampler(trim(names(k)))
       end do
+      call test_walkers()
       call test_wavy_density(6, 1000, 10000, 0.05_wp)
       ! Chains are worth 6000 independent draws along the ridge (the paper's: 400) and 13000 or more
       ! across it.
@@ -344,6 +345,56 @@ contains
       call check_close(trim(words)//': the others', average(chains%draws(dimension, :, :)**2), &
          & 1.0_wp, 1.4_wp*tolerance)
    end subroutine test_wavy_density
+
+   !> The Markov chains that follow independent draws: an approximation of the density, by which
+   !> they walk, does not change their moments.
+   subroutine test_walkers()
+      integer, parameter :: samples = 40000, independent_draws = 2, markov_chains = 3
+      ! Five standard errors of 10,000 independent draws.
+      real(wp), parameter :: tolerance = 0.05_wp
+      type(approximated_wavy_type) :: wavy
+      class(sampler_type), allocatable :: sampler
+      type(chain_type) :: chain
+      type(random_stream_type) :: stream
+      type(error_type), allocatable :: error
+      real(wp), target :: draws(3, samples), log_density(samples)
+      real(wp) :: straight(3, samples), density(samples), mean
+
+      wavy%dimension = 3
+      call new_sampler('ensemble', 2000, sampler, error)
+      stream = new_random_stream(3, 1)
+      chain = chain_type(draws, log_density)
+      call sampler%run(independent_draws, wavy, stream, chain)
+      call check('before walkers: independent draws', allocated(chain%estimate))
+      call sampler%run(markov_chains, wavy, stream, chain)
+      call check('walkers: no independent draws', .not. allocated(chain%estimate))
+      call check('walkers: share of accepted steps', chain%acceptance > 0.3_wp &
+         & .and. chain%acceptance < 1.0_wp)
+      call wavy%evaluate(draws, density)
+      call check_close('walkers: log densities are the exact ones', &
+         & maxval(abs(density - log_density)), 0.0_wp, 1.0e-9_wp)
+      straight = wavy%straightened(draws)
+      mean = normal_density(-1.0_wp)/(0.5_wp*(1.0_wp + erf(1.0_wp/sqrt(2.0_wp))))
+      call check_close('walkers: a cut normal', sum(straight(1, :))/samples, mean, tolerance)
+      call check_close('walkers: its square', sum(straight(1, :)**2)/samples, 1.0_wp - mean, &
+         & tolerance)
+      call check_close('walkers: the wave', sum(straight(2, :))/samples, 0.0_wp, tolerance)
+      call check_close('walkers: its square', sum(straight(2, :)**2)/samples, 1.0_wp, &
+         & 1.4_wp*tolerance)
+      call check_close('walkers: the sine of the approximation', &
+         & sum(sin(3.0_wp*draws(2, :)))/samples, sine_of_waves(), tolerance)
+   end subroutine test_walkers
+
+   !> The mean of sin 3 x2 over the wavy density, by quadrature: x2 is normal about -0.8 sin 2 x1.
+   pure real(wp) function sine_of_waves() result(mean)
+      integer, parameter :: n = 4000
+      real(wp) :: x(n), weights(n)
+      integer :: i
+
+      x = [(-1.0_wp + 8.0_wp*(i - 0.5_wp)/n, i=1, n)]
+      weights = exp(-0.5_wp*x**2)
+      mean = sum(weights*sin(-2.4_wp*sin(2.0_wp*x)))/sum(weights)*exp(-4.5_wp)
+   end function sine_of_waves
 
    !> Moments of a curved ridge that bounds cut.
    subroutine test_sampler(name, samples, burn_in, tolerance)
