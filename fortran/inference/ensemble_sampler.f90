@@ -52,8 +52,9 @@ contains
       logical :: is_made, is_new
 
       ! In many dimensions the first burn-in was a whole one.
-      if (effort == whole_effort .and. target%dimension >= many_dimensions &
-         & .and. self%mixture%fits_badly()) return
+      if (effort == whole_effort .and. target%dimension >= many_dimensions) then
+         if (self%mixture%fits_badly()) return
+      end if
       is_new = .false.
       if (effort == whole_effort .or. .not. allocated(self%population%log_density)) then
          sweeps = self%burn_in
