@@ -68,8 +68,7 @@ int run(database &self, const char *sql, const char *values, const char *end) {
 
 extern "C" {
 
-// Opens a database. The file is created by the first statement that writes; that statement also
-// reports any failure.
+// Opens a database. A missing file is created. The first query reports a failure.
 database *bayesindent_open_database(const char *path) {
   auto *const self = new database();
   self->opened = sqlite3_open(path, &self->handle);

@@ -86,8 +86,8 @@ void restart(const std::string &file) {
 
 extern "C" {
 
-// Reads a file or a pipe of `length` bytes, but not much more than `largest`;
-// bayesindent_take_bytes takes the bytes. Returns 1 if it cannot be opened, 2 if it cannot be read.
+// Reads a file of `length` bytes, but not much more than `largest`; bayesindent_take_bytes takes
+// the bytes. Returns 1 if it cannot be opened, 2 if it cannot be read, 3 for a device or a pipe.
 std::int32_t bayesindent_read_file(const char *path, std::int32_t largest, std::int32_t *length) {
   contents.clear();
   *length = 0;

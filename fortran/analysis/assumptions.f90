@@ -1,10 +1,11 @@
 !> Assumptions that no measurement can refute: how far each constant moves if one is wrong by its
 !> usual size.
 !>
-!> If the measurements change by d, the posterior means change by wᵀ d to first order, where w =
-!> Cov(c, s) is the covariance of a constant with the score of each measurement over the draws, see
-!> `variance_shares`. So d is the difference between the measurements as they should have been and
-!> those of the table. If a known value changes, w follows from its covariance with the constant.
+!> If the measurements change by d, the posterior mean of a constant c changes by wᵀ d to first
+!> order. Here w = Cov(c, s) is the covariance over the draws of c and the score of each
+!> measurement, see `variance_shares`. For an assumption d is what the measurements would have been
+!> without the error, minus the measurements of the table. For a known value w follows from its
+!> covariance with c.
 module assumptions
    use abstract_basis, only: grain_model_type
    use constants_posterior, only: posterior_type
@@ -19,21 +20,24 @@ module assumptions
    public :: assumption_type, list_assumptions
 
    type :: assumption_type
-      !> Name, and what would be the case, to follow 'if'.
+      !> Name, and what is true if the assumption is wrong: the words after 'If' in the report.
       character(len=:), allocatable :: name, condition
-      !> Usual size: relative; 1/GPa of a layer; an sd of a known quantity; 0 for a kind of modulus.
+      !> Usual size of the error: relative; for a layer its compliance, 1/GPa; for a known quantity
+      !> its sd; 0 for a kind of modulus.
       real(wp) :: size = 0.0_wp
-      !> Whether the sds of the constants contain it.
+      !> Whether the sds of the constants already contain the error.
       logical :: included = .false.
       !> Change of each constant, GPa, (constant).
       real(wp), allocatable :: shift(:)
    end type assumption_type
 
-   !> Usual sizes: of factor and contrast, unless the technique has greater ones; of the compliance
-   !> of a layer, 1/GPa; of the modulus of the tip; and of what neighbours at ten contact radii take
-   !> from a contrast.
+   !> Usual errors: of factor and contrast, if the stated sds are not greater; the compliance of a
+   !> layer, 1/GPa; of the modulus of the tip.
    real(wp), parameter :: usual_error = 0.05_wp, layer_compliance = 1.0_wp/2000.0_wp, &
-      & tip_error = 0.1_wp, pull = 0.1_wp
+      & tip_error = 0.1_wp
+   !> Share of the contrast that neighbours at ten contact radii take away: the exponent 0.95 a/R of
+   !> docs/verification/films.md, rounded.
+   real(wp), parameter :: pull = 0.1_wp
 
 contains
 
@@ -45,25 +49,26 @@ contains
       type(shares_type), intent(in) :: shares(:)
       type(assumption_type), allocatable, intent(out) :: list(:)
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: size_of
+      character(len=:), allocatable :: name
+      real(wp) :: sd
       integer :: i, j
 
       allocate (list(0))
-      associate (data => posterior%data, settings => posterior%settings, n => posterior%n_moduli)
-         if (n > 0) call add_assumptions_of_moduli()
-      end associate
+      if (posterior%n_moduli > 0) call add_assumptions_of_moduli()
       if (allocated(error)) return
       associate (known => posterior%prior%knowledge)
          do j = 1, size(known%mean)
-            size_of = sqrt(known%covariance(j, j))
-            list = [list, assumption_type('known: '//known%quantities(j)%name, &
-               & known%quantities(j)%name//' is '//to_text(known%mean(j) + size_of, 4), size_of, &
-               & .true., [(size_of*shares(i)%by_known_value(j), i=1, size(mean))])]
+            name = known%quantities(j)%name
+            sd = sqrt(known%covariance(j, j))
+            list = [list, assumption_type('known: '//name, &
+               & name//' is '//to_text(known%mean(j) + sd, 4), sd, .true., &
+               & [(sd*shares(i)%by_known_value(j), i=1, size(mean))])]
          end do
       end associate
 
    contains
 
+      !> List the assumptions on the measured moduli m.
       subroutine add_assumptions_of_moduli()
          type(observable_type) :: other
          real(wp), dimension(posterior%n_moduli) :: m, contrast
@@ -101,7 +106,7 @@ contains
          end associate
       end subroutine add_assumptions_of_moduli
 
-      !> What would have been measured of the stated kind if the moduli of the table are `other`.
+      !> The moduli of the table, converted to the stated kind of modulus from the kind `other`.
       pure function as_stated(other) result(values)
          type(observable_type), intent(in) :: other
          real(wp) :: values(posterior%n_moduli)
@@ -111,7 +116,7 @@ contains
          call posterior%observable%to_measured(values)
       end function as_stated
 
-      !> Add an assumption with the change of the moduli.
+      !> Add an assumption. If it is wrong, the moduli change by `change`, GPa.
       subroutine add(name, condition, size_of, included, change)
          character(len=*), intent(in) :: name, condition
          real(wp), intent(in) :: size_of, change(:)
@@ -121,11 +126,12 @@ contains
             & [(sum(shares(j)%by_measurement(:posterior%n_moduli)*change), j=1, size(mean))])]
       end subroutine add
 
-      !> Logarithm of each modulus over its mean over all directions, of the crystal with the mean
-      !> constants.
+      !> For the crystal with the mean constants, the logarithm of each modulus minus its mean over
+      !> all directions. It is 0 for grains of unknown orientation.
       subroutine find_contrast(contrast)
          !> (modulus).
          real(wp), intent(out) :: contrast(:)
+         !> Least number of the directions of the mean.
          integer, parameter :: directions = 12
          class(grain_model_type), allocatable :: grains
          real(wp), allocatable :: euler(:, :), weights(:), moduli(:, :)
@@ -146,6 +152,7 @@ contains
       end subroutine find_contrast
    end subroutine list_assumptions
 
+   !> A share as a text in per cent.
    pure function percent(share) result(text)
       real(wp), intent(in) :: share
       character(len=:), allocatable :: text

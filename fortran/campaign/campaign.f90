@@ -289,8 +289,8 @@ contains
          is_right = cell(14)%text == row_checksum(self%identity, cell(2:1 + n_texts), outcome) &
             & .and. row%position >= 0 .and. .not. allocated(unknown)
          is_right = is_right .and. class%n_constants == size(row%constants) &
-            & .and. size(euler_deg) == size(row%euler_deg) &
-            & .and. size(outcome%depth) == size(outcome%force) &
+            & .and. size(euler_deg) == size(row%euler_deg)
+         is_right = is_right .and. size(outcome%depth) == size(outcome%force) &
             & .and. any([0, n_derivatives] == size(outcome%by_stiffness))
          numbers = [row%constants, euler_deg, outcome%depth, outcome%force, outcome%by_stiffness]
          is_right = is_right .and. all(numbers > -huge(1.0_wp)) &
@@ -304,7 +304,7 @@ contains
       end if
    end subroutine read_row
 
-   !> The numbers of a JSON list, NaN for what is none; an empty text has none.
+   !> The numbers of a JSON list; NaN for an entry that is no number. An empty text has no numbers.
    pure function numbers_in(list) result(numbers)
       character(len=*), intent(in) :: list
       real(wp), allocatable :: numbers(:)

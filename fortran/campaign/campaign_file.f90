@@ -53,15 +53,15 @@ module campaign_file
    !> Statement that begins a transaction. `end_transaction` keeps all of its changes, or none.
    character(len=*), parameter :: begin_transaction = 'BEGIN IMMEDIATE'
 
-   !> What the layout has.
+   !> Types and names of all objects of the layout, sorted.
    character(len=*), parameter :: tables = 'index simulation_by_position, table physics, ' &
       & //'table simulation, trigger simulation_is_not_changed, trigger simulation_is_not_deleted'
 
-   !> The layout. `identity` is JSON with sorted keys; `position` is the number in the order of
-   !> choice within the physics, from 0. Lists are JSON: the constants in the order of the class,
-   !> GPa; Bunge-Euler angles, degrees; depths, um, and forces, mN; the derivatives of the modulus
-   !> by C11, C12 .. C66. `message` says why a simulation failed; `created` is in UTC; the checksum
-   !> is of all columns before it but id, position and created.
+   !> The layout. `identity` is JSON with sorted keys. `position` numbers the simulations of a
+   !> physics from 0, in the order in which they were chosen. The origin 'told' is an import. Lists
+   !> are JSON: the constants in the order of the class, GPa; Bunge-Euler angles, degrees; depths,
+   !> um, and forces, mN; the derivatives of the modulus by C11, C12 .. C66. `message` says why a
+   !> simulation failed; `created` is in UTC. The checksum is `row_checksum`.
    character(len=*), parameter :: layout = 'CREATE TABLE physics (id INTEGER PRIMARY KEY, ' &
       & //'identity TEXT NOT NULL UNIQUE); CREATE TABLE simulation (id INTEGER PRIMARY KEY, ' &
       & //'physics_id INTEGER NOT NULL REFERENCES physics(id), position INTEGER NOT NULL, ' &
@@ -84,11 +84,12 @@ contains
    subroutine open_database(self, path, error)
       class(database_type), intent(inout) :: self
       character(len=*), intent(in) :: path
-      !> After an error nothing is executed, here and below.
+      !> If it is allocated on entry, nothing is executed, here and below.
       type(error_type), allocatable, intent(inout) :: error
 
-      ! The library makes the file at once.
+      ! The library would make a missing file at once.
       if (allocated(error)) return
+      ! Messages name the campaign, not the unfinished file of `create`.
       if (.not. allocated(self%path)) self%path = path
       self%handle = c_open(path//c_null_char)
       ! Time to wait for another process, ms.
@@ -124,9 +125,9 @@ contains
       text = text(:index(text, c_null_char) - 1)
    end subroutine value
 
-   !> Execute a statement with values for its parameters, or several without. A zero byte ends each
-   !> of the resulting `cells`, and NULL is ''. The message of an error has the reason that the
-   !> library states, and the file.
+   !> Execute a statement with values for its parameters, or several statements without parameters.
+   !> A zero byte ends each of the resulting `cells`; NULL is ''. The message of an error has the
+   !> file and the reason that the library states.
    subroutine query(self, sql, values, cells, error)
       class(database_type), intent(in) :: self
       !> Statements; values of the parameters, see `text_value`.
@@ -147,6 +148,7 @@ contains
          cells = transfer(bytes, repeat(' ', n))
       end if
       if (code == 0) return
+      ! The low byte is the primary code of an extended one.
       code = iand(code, 255)
       if (code == full) cells = 'the disk is full'
       if (code == read_only) cells = 'there is no permission to write it'
@@ -158,8 +160,8 @@ contains
       cells = ''
    end subroutine query
 
-   !> A `text` as a value of a query. Integers are passed as texts too. A real is passed as its
-   !> digits after an r.
+   !> A `text`, or the digits of an integer, as a value of a query. The value of a real is an r, its
+   !> digits and a zero byte.
    pure function text_value(text) result(value)
       character(len=*), intent(in) :: text
       character(len=:), allocatable :: value
@@ -178,17 +180,17 @@ contains
       if (allocated(error)) return
       if (.not. file_exists(path)) call create()
       call file%open(path, error)
-      call verify()
+      call check()
 
    contains
 
-      !> Make a complete file beside, and rename it unless another process was first: no process
-      !> sees an incomplete campaign.
+      !> Make a complete file under another name. Then rename it, unless another process was first.
+      !> So no process sees an incomplete campaign.
       subroutine create()
          type(database_type) :: part
 
          part%path = path
-         ! Replace a file of this name, if there is one.
+         ! A new empty file takes the place of a leftover.
          call replace_file(name_beside(path), '', error)
          call prefix_error(error, path//': the campaign cannot be used: ')
          call part%open(name_beside(path), error)
@@ -198,7 +200,7 @@ contains
       end subroutine create
 
       !> Refuse a file that is not an undamaged campaign of the present format.
-      subroutine verify()
+      subroutine check()
          character(len=:), allocatable :: schema, application, version, damage
 
          call file%value('SELECT group_concat(type || '' '' || name, '', '') FROM (SELECT * FROM ' &
@@ -222,10 +224,10 @@ contains
             ! The first line of a message of the check is a heading.
             call raise_damaged(path, damage(index(damage, newline, back=.true.) + 1:), error)
          end if
-      end subroutine verify
+      end subroutine check
    end subroutine open_campaign_file
 
-   !> Keep the changes since `begin_transaction`, or none of them after an `error`.
+   !> Commit the changes since `begin_transaction`. After an `error` all of them are undone.
    subroutine end_transaction(file, error)
       type(database_type), intent(in) :: file
       type(error_type), allocatable, intent(inout) :: error

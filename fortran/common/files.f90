@@ -78,17 +78,15 @@ contains
       character(len=*), intent(in) :: path
       character(len=:), allocatable, intent(out) :: content
       type(error_type), allocatable, intent(out) :: error
-      !> Sign that begins a comment, which may be of any encoding.
+      !> Sign that begins a comment. A comment that is not UTF-8 is replaced by blanks.
       character, intent(in), optional :: comment
-      integer :: invalid_byte, line, line_end, first, i
-      logical :: exists
+      integer :: invalid_byte, line_start, line_end, first, i
 
-      inquire (file=path, exist=exists)
       if (len_trim(path) == 0) then
          call refuse(error, 'the name of the file is empty')
       else if (is_folder(path)) then
          call refuse(error, 'is a folder; a file is needed')
-      else if (.not. exists) then
+      else if (.not. file_exists(path)) then
          call refuse(error, 'the file does not exist')
       else
          call read_bytes(path, content, error)
@@ -96,16 +94,14 @@ contains
       if (allocated(error)) return
       invalid_byte = not_utf8(content)
       if (present(comment)) then
-         ! Comments may be of another encoding.
+         ! Blank the comment of each invalid byte, from its sign to the end of the line.
          do while (invalid_byte > 0)
             line_end = invalid_byte + index(content(invalid_byte:)//achar(10), achar(10)) - 2
-            line = index(content(:invalid_byte), achar(10), back=.true.) + 1
-            first = line + index(content(line:invalid_byte), comment) - 1
-            ! A sign in quotes begins no comment.
-            if (first < line .or. mod(count([(scan(content(i:i), '''"') > 0, i=line, first)]), 2) &
-               & > 0) then
-               exit
-            end if
+            line_start = index(content(:invalid_byte), achar(10), back=.true.) + 1
+            first = line_start + index(content(line_start:invalid_byte), comment) - 1
+            if (first < line_start) exit
+            ! A sign after an odd number of quotes is part of a text.
+            if (mod(count([(scan(content(i:i), '''"') > 0, i=line_start, first)]), 2) > 0) exit
             content(first:line_end) = ''
             invalid_byte = not_utf8(content)
          end do
@@ -114,12 +110,13 @@ contains
          call refuse(error, 'the file is a spreadsheet or another zip archive (.xlsx, .ods), not ' &
             & //'text: save its sheet as CSV')
       else if (index(content, achar(0)) > 0 .or. invalid_byte == 1) then
+         ! Such as UTF-16, with zero bytes or a byte order mark that is not UTF-8.
          call refuse(error, 'the file is not plain text (save it as UTF-8)')
       else if (invalid_byte > 0) then
-         line = 1 + count([(content(i:i) == achar(10), i=1, invalid_byte)])
-         line_end = index(content(:invalid_byte - 1), achar(10), back=.true.)
-         call refuse(error, 'line '//to_text(line)//': byte '//to_text(invalid_byte - line_end) &
-            & //' is not UTF-8 (save the file as UTF-8)')
+         line_start = index(content(:invalid_byte), achar(10), back=.true.) + 1
+         call refuse(error, 'line ' &
+            & //to_text(1 + count([(content(i:i) == achar(10), i=1, line_start - 1)]))//': byte ' &
+            & //to_text(invalid_byte - line_start + 1)//' is not UTF-8 (save the file as UTF-8)')
       else
          if (index(content, char(239)//char(187)//char(191)) == 1) content = content(4:)
          if (verify(content, ' '//achar(9)//achar(10)//achar(13)) == 0) then
@@ -128,7 +125,7 @@ contains
       end if
    end subroutine read_text_file
 
-   !> Read the bytes of a file or a pipe unchanged.
+   !> Read the bytes of a file unchanged.
    subroutine read_bytes(path, content, error)
       character(len=*), intent(in) :: path
       !> All bytes.
@@ -155,8 +152,7 @@ contains
       i = 1
       do while (i <= len(string))
          first = ichar(string(i:i))
-         ! The bytes that must follow. The comparisons below exclude second bytes that would make a
-         ! sequence too long, a surrogate or a code beyond the last character.
+         ! Number of the bytes that must follow.
          following = count(first >= [128, 224, 240])
          if ((first >= 128 .and. first < 194) .or. first > 244) return
          if (i + following > len(string)) return
@@ -164,6 +160,7 @@ contains
             second = ichar(string(i + k:i + k))
             if (second < 128 .or. second > 191) return
             if (k > 1) cycle
+            ! A sequence longer than needed, a surrogate, or a code beyond the last character.
             if ((first == 224 .and. second < 160) .or. (first == 237 .and. second > 159)) return
             if ((first == 240 .and. second < 144) .or. (first == 244 .and. second > 143)) return
          end do
@@ -180,6 +177,7 @@ contains
 
       call c_write_file(path//c_null_char, name_beside(path)//c_null_char, content, &
          & len(content, i8), reason, len(reason))
+      ! The reason is empty if the file was written.
       associate (n => index(reason, c_null_char) - 1)
          if (n > 0) then
             call raise(error, path//': cannot be written: '//reason(:n), machine_failure)
@@ -187,6 +185,7 @@ contains
       end associate
    end subroutine replace_file
 
+   !> Begin a file without content.
    subroutine begin(self, path)
       class(new_file_type), intent(out) :: self
       character(len=*), intent(in) :: path
@@ -264,6 +263,7 @@ contains
    function full_path(path) result(resolved)
       character(len=*), intent(in) :: path
       character(len=:), allocatable :: resolved
+      !> The longest path of Linux has 4096 bytes, with the zero at its end.
       character(len=4097) :: buffer
 
       resolved = path
@@ -285,8 +285,8 @@ contains
       inquire (file=path//'/.', exist=is_folder)
    end function is_folder
 
-   !> A user's text, `string`, made fit for one line of a message: control characters become '?',
-   !> long texts are cut.
+   !> The user's text `string` for a message of one line: control characters become '?', and a long
+   !> text is cut.
    pure function printable(string) result(shown)
       character(len=*), intent(in) :: string
       character(len=:), allocatable :: shown
@@ -305,7 +305,7 @@ contains
       do i = 1, last
          code = iachar(shown(i:i))
          if (code < 32 .or. code == 127) shown(i:i) = '?'
-         ! The controls from 128 to 159 have two bytes.
+         ! The control characters from 128 to 159 are the byte 194 and this one.
          if (code >= 128 .and. code < 160 .and. index(shown(:i), char(194), .true.) == i - 1) then
             shown(max(1, i - 1):i) = '??'
          end if

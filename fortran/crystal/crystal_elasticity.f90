@@ -70,7 +70,8 @@ contains
    pure function rotate_stiffness(c, g) result(rotated)
       real(wp), intent(in) :: c(6, 6), g(3, 3)
       real(wp) :: rotated(6, 6)
-      !> Two additional rows fill the vector units.
+      !> Matrices with two additional rows of zeros. The products are written out over columns of
+      !> eight numbers, which fill the vector units.
       real(wp), dimension(8, 6) :: padded, bond, half, turned
       integer :: j
 
@@ -86,6 +87,7 @@ contains
          turned(:, j) = bond(:, 1)*half(1, j) + bond(:, 2)*half(2, j) + bond(:, 3)*half(3, j) &
             & + bond(:, 4)*half(4, j) + bond(:, 5)*half(5, j) + bond(:, 6)*half(6, j)
       end do
+      ! Exactly symmetric in spite of rounding errors.
       rotated = 0.5_wp*(turned(:6, :) + transpose(turned(:6, :)))
    end function rotate_stiffness
 
@@ -94,6 +96,7 @@ contains
       !> A rotation of vectors.
       real(wp), intent(in) :: a(3, 3)
       real(wp) :: bond(6, 6)
+      !> Cartesian indices of the Voigt indices 4, 5 and 6.
       integer, parameter :: first(3) = [2, 1, 1], second(3) = [3, 3, 2]
       integer :: i, j
 
@@ -129,8 +132,10 @@ contains
 
       factor = c
       call factor_definite(factor, resolution, stable)
-      s = merge(0.0_wp, nan, stable)
-      do j = 1, merge(6, 0, stable)
+      s = nan
+      if (.not. stable) return
+      s = 0.0_wp
+      do j = 1, 6
          s(j, j) = 1.0_wp
          call solve_lower(factor, s(:, j))
          call solve_upper(factor, s(:, j))
@@ -228,6 +233,7 @@ contains
       real(wp) :: values(6), vectors(6, 6), logs(6), bulk, shear
 
       call diagonalise(kelvin_form(c), values, vectors)
+      ! NaN is not above 0 either.
       if (.not. minval(values) > 0.0_wp) then
          poisson = nan
          anisotropy = poisson
@@ -267,7 +273,7 @@ contains
       c(:, 4:) = sqrt(0.5_wp)*c(:, 4:)
    end function stiffness_of_kelvin
 
-   !> Eigenvalues and eigenvectors (columns) of a symmetric 6 x 6 matrix by cyclic Jacobi rotations.
+   !> Eigenvalues and eigenvectors of a symmetric 6 x 6 matrix by cyclic Jacobi rotations.
    pure subroutine diagonalise(matrix, values, vectors)
       real(wp), intent(in) :: matrix(6, 6)
       !> Unsorted eigenvalues; eigenvectors, one a column.
@@ -283,10 +289,12 @@ contains
       end do
       do sweep = 1, most_sweeps
          values = [(a(i, i), i=1, 6)]
+         ! The entries beside the diagonal are rounding errors.
          if (sum(a**2) - sum(values**2) <= 1.0e-30_wp*sum(values**2)) exit
          do q = 2, 6
             do p = 1, q - 1
                if (abs(a(p, q)) <= 1.0e-17_wp*(abs(a(p, p)) + abs(a(q, q)))) cycle
+               ! The tangent of the smaller angle of rotation.
                t = (a(q, q) - a(p, p))/(2.0_wp*a(p, q))
                t = sign(1.0_wp, t)/(abs(t) + sqrt(t**2 + 1.0_wp))
                cosine = 1.0_wp/sqrt(t**2 + 1.0_wp)

@@ -4,10 +4,6 @@
 !> The representative is the direction that is largest in z, then in x, then in y. For a finite
 !> group the representatives fill a few spherical triangles (cubic: 001, 101, 111). With one axis of
 !> infinite order they fill an arc from that axis, with two axes they are a point.
-!>
-!> Of each set the one is taken that is largest in z, then in x, then in y. For a finite group these
-!> fill a few spherical triangles (cubic: 001, 101, 111); with one axis of infinite order they are
-!> an arc from that axis; with two a point.
 module distinct_directions
    use crystal_class, only: crystal_class_type, rotation_about
    use kinds, only: degree, pi, wp
@@ -16,13 +12,15 @@ module distinct_directions
    public :: region_type, new_region, representative, angle_between, all_alike, &
       & lattice_of_directions, spread_of_directions, group_rotations
 
-   !> Components that differ by less are the same.
-   real(wp), parameter :: same = 1.0e-9_wp
-   !> Step of the lattice over an arc, and largest step over a triangle, in degrees.
+   !> Components of unit vectors that differ by less are equal.
+   real(wp), parameter :: tolerance = 1.0e-9_wp
+   !> Step of the lattice over an arc, and largest step along the sides of a triangle, in degrees:
+   !> 16 steps along the longest side of the cubic triangle, which has 54.7 degrees.
    real(wp), parameter :: arc_step = 2.0_wp, triangle_step = 3.43_wp
+   !> Most corners of an octant that is cut to the region.
    integer, parameter :: most_corners = 12
-   !> Components in the order in which directions are compared: z, x, y.
-   integer, parameter :: order(3) = [3, 1, 2]
+   !> Components in the order in which directions are compared.
+   integer, parameter :: z_x_y(3) = [3, 1, 2]
 
    type :: region_type
       !> Dimension of the region: 2 for triangles, 1 for an arc, 0 for a point.
@@ -49,15 +47,17 @@ contains
       allocate (region%triangles(3, 3, 0))
       region%group = group_rotations(class, 1)
       n = size(region%group, 3)
+      ! Append each rotation with the inversion.
       region%group = reshape(region%group, [3, 3, 2*n], -region%group)
       if (region%dimension == 1) then
+         ! The axis is one of x, y and z, and so the shifted vector is normal to it.
          region%axis = abs(axis_of(class%generators(:, :, findloc(class%folds, 0, dim=1))))
          region%axis = region%axis/norm2(region%axis)
          region%equator = cshift(region%axis, -1)
       end if
       if (region%dimension < 2) return
       do i = 0, 7
-         ! An octant of the sphere, cut to the region.
+         ! Cut an octant of the sphere. The bits of i are the signs of z, x and y.
          corners = real(reshape([0, 0, 1 - 2*ibits(i, 2, 1), 1 - 2*ibits(i, 1, 1), 0, 0, 0, &
             & 1 - 2*ibits(i, 0, 1), 0], [3, 3]), wp)
          call cut_to_region()
@@ -69,24 +69,29 @@ contains
 
    contains
 
-      !> Cut a convex spherical polygon to the points v that are not smaller than their images: v.n
-      !> >= 0 for every element g of the group, where n = z - gz, or x - gx if that is zero, or else
-      !> y - gy. Its `corners` become empty if nothing remains.
+      !> Cut the convex spherical polygon of the `corners` to the region, one plane after the other.
+      !> There are no corners if nothing remains.
+      !>
+      !> A direction v of the region is not smaller than its image by any element of the group. If
+      !> g is the inverse of the element, this is v.n >= 0 with n = z - gz, or n = x - gx if z = gz,
+      !> or else n = y - gy.
       subroutine cut_to_region()
-         real(wp) :: normal(3), cut(3, most_corners), height(most_corners), unit(3)
+         !> Corners of the polygon that remains, and distances of the old ones from the plane.
+         real(wp) :: cut(3, most_corners), height(most_corners), normal(3), unit(3)
          integer :: g, i, j, n, m
 
          do g = 1, size(region%group, 3)
             do i = 1, 3
                unit = 0.0_wp
-               unit(order(i)) = 1.0_wp
-               normal = unit - region%group(:, order(i), g)
-               if (norm2(normal) > same) exit
+               unit(z_x_y(i)) = 1.0_wp
+               normal = unit - region%group(:, z_x_y(i), g)
+               if (norm2(normal) > tolerance) exit
             end do
+            ! The identity cuts nothing.
             if (i > 3) cycle
             n = size(corners, 2)
             height(:n) = matmul(normal, corners)
-            where (abs(height(:n)) < same) height(:n) = 0.0_wp
+            where (abs(height(:n)) < tolerance) height(:n) = 0.0_wp
             m = 0
             do i = 1, n
                j = mod(i, n) + 1
@@ -95,11 +100,13 @@ contains
                   cut(:, m) = corners(:, i)
                end if
                if (height(i)*height(j) < 0.0_wp) then
+                  ! The plane cuts the side from i to j.
                   m = m + 1
                   cut(:, m) = corners(:, i)*abs(height(j)) + corners(:, j)*abs(height(i))
                   cut(:, m) = cut(:, m)/norm2(cut(:, m))
                end if
             end do
+            ! Only a corner or a side of the polygon is left.
             if (m < 3 .or. all(height(:n) <= 0.0_wp)) m = 0
             corners = cut(:, :m)
             if (m == 0) return
@@ -126,7 +133,7 @@ contains
             & 2.0_wp*pi/order)
       end if
       generators = generators(:, :, pack([(g, g=1, size(retained))], retained))
-      ! All products of the generators.
+      ! Multiply every rotation by every generator until there are no new products.
       rotations = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1]*1.0_wp, [3, 3, 1])
       i = 0
       do while (i < size(rotations, 3))
@@ -134,7 +141,7 @@ contains
          do g = 1, size(generators, 3)
             product = matmul(generators(:, :, g), rotations(:, :, i))
             do k = 1, size(rotations, 3)
-               if (all(abs(rotations(:, :, k) - product) < same)) exit
+               if (all(abs(rotations(:, :, k) - product) < tolerance)) exit
             end do
             if (k <= size(rotations, 3)) cycle
             rotations = reshape(rotations, [3, 3, k], reshape(product, [9]))
@@ -169,9 +176,9 @@ contains
          do g = 1, size(region%group, 3)
             image = matmul(region%group(:, :, g), direction)
             ! The first component that differs decides which one is larger.
-            i = findloc(abs(image(order) - best(order)) >= same, .true., dim=1)
+            i = findloc(abs(image(z_x_y) - best(z_x_y)) >= tolerance, .true., dim=1)
             if (i == 0) cycle
-            if (image(order(i)) > best(order(i))) best = image
+            if (image(z_x_y(i)) > best(z_x_y(i))) best = image
          end do
       end select
    end function representative
@@ -209,13 +216,13 @@ contains
       do i = 1, size(apart)
          apart = [(angle_between(region, directions(:, i), directions(:, j)), j=1, size(apart))]
          all_alike = all(apart <= angle)
-         ! No direction is near both of two directions that are farther apart than this.
+         ! If two directions are more than twice the angle apart, none is within the angle of both.
          if (all_alike .or. any(apart > 2.0_wp*angle)) return
       end do
    end function all_alike
 
    !> Directions that cover the region evenly, its corners and edges included: equal steps over an
-   !> arc, equal shares of the corners over a triangle.
+   !> arc, the points of `divide` over the triangles.
    pure subroutine lattice_of_directions(region, directions)
       type(region_type), intent(in) :: region
       !> Unit vectors (3, n).
@@ -238,7 +245,10 @@ contains
       integer, intent(in) :: n
       !> Unit vectors (3, n).
       real(wp), allocatable, intent(out) :: directions(:, :)
+      !> Divisions of a triangle's sides for the fine grid.
       integer, parameter :: divisions = 60
+      !> Angles are compared in units of 1e-12: the first of equal ones is chosen in spite of
+      !> rounding errors.
       real(wp), parameter :: digits = 1.0e12_wp
       !> Points of the region, and the cosine of the angle from each to the nearest direction.
       real(wp), allocatable :: grid(:, :), corners(:, :), cosine(:)
@@ -250,6 +260,7 @@ contains
          return
       end if
       call divide(region, 1, corners)
+      ! `divide` begins with the last corner.
       corners = corners(:, size(corners, 2):1:-1)
       call divide(region, divisions, grid)
       allocate (cosine(size(grid, 2)), source=-1.0_wp)
@@ -280,8 +291,8 @@ contains
       end do
    end function arc
 
-   !> Directions along sums of a triangle's corners with shares i/n, j/n, (n-i-j)/n; each distinct
-   !> direction once.
+   !> Grid over the triangles: the directions of the sums of the corners with the weights i/n, j/n
+   !> and (n-i-j)/n. Each distinct direction is listed once.
    pure subroutine divide(region, n, directions)
       type(region_type), intent(in) :: region
       integer, intent(in) :: n
@@ -297,10 +308,12 @@ contains
                v = matmul(region%triangles(:, :, t), &
                   & [real(i, wp)/n, real(j, wp)/n, real(n - i - j, wp)/n])
                v = v/norm2(v)
-               if (any(abs(representative(region, v) - v) > same)) cycle
+               ! An equivalent direction on another edge represents this one.
+               if (any(abs(representative(region, v) - v) > tolerance)) cycle
+               ! Triangles share directions on their edges only.
                if (i*j*(n - i - j) == 0) then
                   do k = 1, m
-                     if (all(abs(distinct(:, k) - v) < same)) exit
+                     if (all(abs(distinct(:, k) - v) < tolerance)) exit
                   end do
                   if (k <= m) cycle
                end if

@@ -7,23 +7,25 @@ module space_groups
    private
    public :: laue_class
 
-   !> Names of the Laue classes, and the greatest number of the space groups of each.
+   !> Names of the Laue classes, and the number of the last space group of each.
    character(len=*), parameter :: names(11) = [character(len=5) :: '-1', '2/m', 'mmm', '4/m', &
       & '4/mmm', '-3', '-3m', '6/m', '6/mmm', 'm-3', 'm-3m']
    integer, parameter :: last(11) = [2, 15, 74, 88, 142, 148, 167, 176, 194, 206, 230]
-   !> Numbers that are symbols of other point groups.
+   !> Numbers that are symbols of point groups as well, of another class than the space group.
    integer, parameter :: ambiguous(7) = [2, 3, 4, 6, 23, 32, 222]
-   !> Symbols of cubic groups without a -3.
+   !> Symbols, without the letter of the lattice, of the cubic groups of class m-3m without a -3.
    character(len=*), parameter :: cubic(8) = [character(len=4) :: '432', '4132', '4232', '4332', &
       & '-43m', '-43n', '-43c', '-43d']
 
 contains
 
-   !> The Laue class, or '' of what is no space group.
+   !> The Laue class of a space group; '' if the word is none.
    pure function laue_class(word) result(name)
       !> A number or a symbol.
       character(len=*), intent(in) :: word
       character(len=:), allocatable :: name, symbol, rest
+      !> Position of the main axis in the symbol, after the minus of a rotoinversion.
+      integer :: axis
       integer :: number, outcome, i
 
       name = ''
@@ -33,6 +35,7 @@ contains
          name = trim(names(findloc(number <= last, .true., 1)))
          return
       end if
+      ! The first character is the letter of the lattice.
       symbol = ''
       do i = 2, len_trim(word)
          if (scan(word(i:i), ' _') == 0) symbol = symbol//lower(word(i:i))
@@ -41,12 +44,14 @@ contains
          & .or. verify(symbol, '-0123456/mabcdne') > 0) then
          return
       end if
-      ! 'P 1 21/c 1' is 'P21/c'.
+      ! The full symbol 'P 1 21/c 1' is 'P21/c'.
       i = len(symbol)
       if (i > 2 .and. symbol(1:1) == '1' .and. symbol(i:i) == '1') symbol = symbol(2:i - 1)
-      rest = symbol(verify(symbol, '-') + 1:)
+      axis = verify(symbol, '-')
+      rest = symbol(axis + 1:)
       i = index(symbol, '-3')
       if (i > 1) then
+         ! A -3 after the first axis is that of a cubic group.
          name = trim(merge('m-3 ', 'm-3m', i + 1 == len(symbol)))
       else if (symbol == '23' .or. symbol == '213') then
          name = 'm-3'
@@ -54,13 +59,14 @@ contains
          name = 'm-3m'
       else if (symbol == '1' .or. symbol == '-1') then
          name = '-1'
-      else if (scan(symbol(verify(symbol, '-'):), '46') == 1) then
-         ! What follows the axis, its screw and the plane normal to it.
+      else if (scan(symbol(axis:axis), '46') == 1) then
+         ! Remove the screw of the axis, then the plane normal to it. Further elements are of the
+         ! higher class.
          if (scan(rest, '12345') == 1) rest = rest(2:)
          if (index(rest, '/') == 1) rest = rest(3:)
-         name = symbol(verify(symbol, '-'):verify(symbol, '-'))//trim(merge('/m  ', '/mmm', &
-            & len(rest) == 0))
-      else if (scan(symbol(verify(symbol, '-'):), '3') == 1) then
+         name = symbol(axis:axis)//trim(merge('/m  ', '/mmm', len(rest) == 0))
+      else if (symbol(axis:axis) == '3') then
+         ! A 1 or 2 after the axis is its screw, except in R32.
          if (scan(rest, '12') == 1 .and. scan(word(:1), 'RrHh') == 0) rest = rest(2:)
          name = trim(merge('-3 ', '-3m', len(rest) == 0))
       else if (len(symbol) == 1 .or. symbol == '21' .or. index(symbol, '/') > 0) then

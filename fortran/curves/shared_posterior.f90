@@ -2,10 +2,10 @@
 !> compliance of the frame, a factor of each session.
 !>
 !> ln E of a test is the sum of ln E of its material, the logarithm of the session's factor, and a
-!> normal deviation of the test. The standard deviation of the latter is inferred, separately for
-!> references and for grains. Given these two standard deviations the model is normal; a grid sums
-!> over them. The shape of a single curve does not inform the shared unknowns, because there a model
-!> error of a nanometre would outweigh the references.
+!> normal deviation of the test. The standard deviation of these deviations is inferred, separately
+!> for references and for grains. Given the two standard deviations the model is normal. The
+!> posterior is its mean over a grid of them. The shape of a single curve does not inform the shared
+!> unknowns, because there a model error of a nanometre would outweigh the references.
 module shared_posterior
    use elastic_window, only: n_shared, test_type
    use kinds, only: wp
@@ -45,25 +45,26 @@ module shared_posterior
       procedure :: infer_shared, grains
    end type curves_posterior_type
 
-   !> Prior of the standard deviation from test to test: log-normal about one per cent, with a
-   !> factor of e for one standard deviation; the values of grains and references agree within a
-   !> factor of 1.6. Bounds of the grid.
-   real(wp), parameter :: usual_repeat = 0.01_wp, repeat_spread = 1.0_wp, repeat_ratio = 0.5_wp, &
-      & least = 0.002_wp, greatest = 0.2_wp
+   !> Priors of the standard deviations from test to test: that of references is log-normal about
+   !> `usual_repeat`, and the ratio of that of grains to it is log-normal about 1. The widths are
+   !> those of the logarithms: a factor of 2.7 and of 1.6.
+   real(wp), parameter :: usual_repeat = 0.01_wp, repeat_width = 1.0_wp, ratio_width = 0.5_wp
+   !> Bounds of the grid of standard deviations, and number of its values, in equal ratios.
+   real(wp), parameter :: least = 0.002_wp, greatest = 0.2_wp
    integer, parameter :: n_grid = 16
    !> Points of the grid with a smaller share of the probability are neglected.
    real(wp), parameter :: negligible = 1.0e-6_wp
 
 contains
 
-   !> Numbers of the grains that have a test in use.
+   !> Numbers of the materials that are grains with a test in use.
    pure function grains(self)
       class(curves_posterior_type), intent(in) :: self
       integer, allocatable :: grains(:)
       integer :: k
 
-      grains = pack([(k, k=1, size(self%materials))], [(.not. self%materials(k)%reference &
-         & .and. any(self%tests%material == k .and. self%tests%used), k=1, size(self%materials))])
+      grains = pack([(k, k=1, size(self%materials))], .not. self%materials%reference .and. &
+         & [(any(self%tests%material == k .and. self%tests%used), k=1, size(self%materials))])
    end function grains
 
    !> Compute the posterior, linearised about the present `mean` and the moduli of the tests; both
@@ -74,30 +75,35 @@ contains
       real(wp), dimension(size(self%mean) + size(self%materials)) :: mean, total
       real(wp), dimension(size(self%mean) + size(self%materials), &
          & size(self%mean) + size(self%materials)) :: covariance, squares
-      !> Standard deviation of references and of grains.
+      !> Standard deviations from test to test, of references and of grains.
       real(wp) :: sd(2)
-      real(wp) :: density(n_grid, n_grid), precision(size(self%mean), size(self%mean))
+      !> Log density and probability of each point of the grid.
+      real(wp), dimension(n_grid, n_grid) :: log_density, probability
+      real(wp) :: precision(size(self%mean), size(self%mean))
       integer :: i, j, k, n, pass
 
       n = size(self%mean)
       total = 0.0_wp
       squares = 0.0_wp
       self%repeat_sd = 0.0_wp
-      density = 1.0_wp
+      ! The first pass computes the log densities of all points.
+      probability = 1.0_wp
       do pass = 1, 2
          do j = 1, n_grid
             do i = 1, n_grid
-               if (density(i, j) < negligible) cycle
+               if (probability(i, j) < negligible) cycle
                sd = least*(greatest/least)**(real([i, j] - 1, wp)/(n_grid - 1))
-               call solve_given(density(i, j))
+               call solve_given(log_density(i, j))
                if (allocated(error)) return
                if (pass == 1) cycle
-               total = total + density(i, j)*mean
-               squares = squares + density(i, j)*(covariance + outer(mean, mean))
-               self%repeat_sd = self%repeat_sd + density(i, j)*sd**2
+               total = total + probability(i, j)*mean
+               squares = squares + probability(i, j)*(covariance + outer(mean, mean))
+               self%repeat_sd = self%repeat_sd + probability(i, j)*sd**2
             end do
          end do
-         if (pass == 1) density = exp(density - maxval(density))/sum(exp(density - maxval(density)))
+         if (pass == 2) exit
+         probability = exp(log_density - maxval(log_density))
+         probability = probability/sum(probability)
       end do
       self%repeat_sd = sqrt(self%repeat_sd)
       squares = squares - outer(total, total)
@@ -111,10 +117,12 @@ contains
             m%ln_modulus = m%prior_mean + total(n + k)
             m%sd = sqrt(own(n + k))
             m%by_shared = matmul(precision, own(:n))
+            ! At least 0.01 %, in spite of rounding errors.
             m%own_sd = sqrt(max(1.0e-8_wp, own(n + k) - sum(m%by_shared*own(:n))))
          end associate
       end do
       self%mean = self%mean + total(:n)
+      ! The moduli of the tests follow the shared unknowns.
       do i = 1, size(self%tests)
          self%tests(i)%ln_modulus = self%tests(i)%ln_modulus + self%tests(i)%shift &
             & + sum(self%tests(i)%slope*total(:n_shared))
@@ -126,12 +134,16 @@ contains
       !> distribution of the change of the shared unknowns and of ln E of the materials relative to
       !> their prior means.
       subroutine solve_given(density)
-         !> Log density of the standard deviations, computed in the first pass. Mean and covariance
-         !> are computed in the second one.
+         !> Log density of the standard deviations, which the first pass computes. The second pass
+         !> computes mean and covariance.
          real(wp), intent(inout) :: density
-         real(wp) :: weight, z, x(n_shared + 2), prior_sd(size(mean)), white(size(mean))
-         integer :: i, j, touched(n_shared + 2)
+         real(wp) :: weight, z, x(n_shared + 2), prior_sd(size(mean)), rhs(size(mean))
+         !> Numbers of the unknowns that a test informs.
+         integer :: informed(n_shared + 2)
+         integer :: i, j
 
+         ! `covariance` is the precision, and `mean` the precision times the mean, until both are
+         ! solved for.
          prior_sd = [self%prior_sd, self%materials%prior_sd]
          covariance = 0.0_wp
          do i = 1, size(mean)
@@ -140,35 +152,38 @@ contains
          mean = 0.0_wp
          mean(:n) = (self%prior_mean - self%mean)/self%prior_sd**2
          if (pass == 1) then
-            density = -0.5_wp*((log(sd(1)/usual_repeat)/repeat_spread)**2 &
-               & + (log(sd(2)/sd(1))/repeat_ratio)**2)
+            density = -0.5_wp*((log(sd(1)/usual_repeat)/repeat_width)**2 &
+               & + (log(sd(2)/sd(1))/ratio_width)**2)
          end if
          do i = 1, size(self%tests)
             associate (t => self%tests(i), m => self%materials(self%tests(i)%material))
                if (.not. t%used) cycle
+               ! The test measures z = x.u, where u is the change of the shared unknowns, of the
+               ! logarithm of the session's factor, and of ln E.
                weight = 1.0_wp/(t%variance + sd(merge(1, 2, m%reference))**2)
-               touched = [(j, j=1, n_shared), n_shared + t%session, n + t%material]
+               informed = [(j, j=1, n_shared), n_shared + t%session, n + t%material]
                x = [-t%slope, 1.0_wp, 1.0_wp]
                z = t%ln_modulus + t%shift - m%prior_mean - self%mean(n_shared + t%session)
             end associate
             if (pass == 1) density = density + 0.5_wp*(log(weight) - weight*z**2)
-            mean(touched) = mean(touched) + weight*z*x
-            covariance(touched, touched) = covariance(touched, touched) + weight*outer(x, x)
+            mean(informed) = mean(informed) + weight*z*x
+            covariance(informed, informed) = covariance(informed, informed) + weight*outer(x, x)
          end do
          call cholesky_factor(covariance, error)
          if (allocated(error)) return
-         white = mean
+         rhs = mean
          if (pass == 2) then
             call cholesky_inverse(covariance)
-            mean = matmul(covariance, white)
+            mean = matmul(covariance, rhs)
          else
-            call solve_lower(covariance, white)
-            density = density + 0.5_wp*sum(white**2) &
+            call solve_lower(covariance, rhs)
+            density = density + 0.5_wp*sum(rhs**2) &
                & - sum([(log(covariance(i, i)), i=1, size(mean))])
          end if
       end subroutine solve_given
    end subroutine infer_shared
 
+   !> The outer product of two vectors.
    pure function outer(a, b)
       real(wp), intent(in) :: a(:), b(:)
       real(wp) :: outer(size(a), size(b))

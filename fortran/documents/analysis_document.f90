@@ -25,8 +25,8 @@ module analysis_document
       & stored_draws
 
    character(len=*), parameter :: posterior_file = '/posterior.bin'
-   !> Version of its format, and its values; see `restore`. The values of every
-   !> draw in 'stride' have the axis 'kept'.
+   !> Version of the format of posterior.bin, and its values with their axes, see `restore`. Values
+   !> with the axis 'kept' are those of every draw in 'stride'.
    integer, parameter :: posterior_format = 2
    character(len=*), parameter :: posterior_forms(*) = [character(len=36) :: 'format, i', &
       & 'inputs, t', 'document, t', 'resolved, t', 'symmetry, t', 'title, t', 'modulus_kind, t', &
@@ -104,7 +104,7 @@ contains
       call page%put('seconds', found%seconds)
    end subroutine write_analysis
 
-   !> Write what else explains the measurements, the best first.
+   !> Write the other explanations of the measurements, the most probable first.
    subroutine write_diagnosis(page, diagnosis)
       type(json_type), intent(inout) :: page
       type(diagnosis_type), intent(in) :: diagnosis
@@ -129,8 +129,8 @@ contains
       call page%end_array()
    end subroutine write_diagnosis
 
-   !> Write the parameters, and the parts of the variance of each by source. Each known quantity is
-   !> a source.
+   !> Write the parameters, and the part of each source in the variance of each parameter. The known
+   !> quantities are sources, too.
    subroutine write_parameters(page, found)
       type(json_type), intent(inout) :: page
       type(analysis_type), intent(in) :: found
@@ -159,7 +159,7 @@ contains
             call page%begin_object(trim(found%names(i)))
             call page%put_numbers(join(error_sources, ', '), share%by_source)
             do j = 1, size(known)
-               ! The list of &knowledge and its file may both have a quantity.
+               ! The list of &knowledge and its file may name the same quantity: add both parts.
                same = [(known(k)%name == known(j)%name, k=1, size(known))]
                if (findloc(same, .true., 1) == j) then
                   call page%put(known(j)%name, sum(share%by_quantity, mask=same))
@@ -173,11 +173,12 @@ contains
       call page%end_object()
    end subroutine write_parameters
 
-   !> Write factor and contrast of the laboratory, after the measurements and before them.
+   !> Write mean and sd of factor and contrast of the laboratory, in the posterior and in the prior.
    subroutine write_laboratory(page, found)
       type(json_type), intent(inout) :: page
       type(analysis_type), intent(in) :: found
       real(wp), dimension(found%posterior%n_groups) :: mean, sd
+      real(wp), dimension(1) :: contrast_mean, contrast_sd
       integer :: i, k
 
       k = found%posterior%n_constants
@@ -191,18 +192,21 @@ contains
                & laboratory%mean(i), laboratory%sd(i)], '')
          end do
          call page%end_array()
-         mean(1) = laboratory%contrast(1)
-         sd(1) = laboratory%contrast(2)
+         contrast_mean = laboratory%contrast(1)
+         contrast_sd = laboratory%contrast(2)
          if (found%posterior%infers_contrast) then
-            call moments(log(flattened(found%chains%draws(k + 1:k + 1, :, :))), mean(:1), sd(:1))
+            ! It is the parameter after the constants.
+            call moments(log(flattened(found%chains%draws(k + 1:k + 1, :, :))), contrast_mean, &
+               & contrast_sd)
          end if
-         call page%put_numbers('mean, sd, prior_mean, prior_sd', [mean(1), sd(1), &
+         call page%put_numbers('mean, sd, prior_mean, prior_sd', [contrast_mean, contrast_sd, &
             & laboratory%contrast], 'log_contrast')
       end associate
       call page%end_object()
    end subroutine write_laboratory
 
-   !> Write what no measurement can refute. The text names the constant that would move most.
+   !> Write the assumptions that no measurement can refute. The text names the constant that would
+   !> change most, relative to its sd.
    subroutine write_assumptions(page, found)
       type(json_type), intent(inout) :: page
       type(analysis_type), intent(in) :: found
@@ -218,7 +222,6 @@ contains
                & assumption%shift, 'shift')
             call page%put('included', assumption%included)
             k = maxloc(abs(assumption%shift)/constants(:size(assumption%shift))%sd, dim=1)
-            ! Without shares there are no changes.
             if (k > 0) then
                call page%put('text', 'If '//assumption%condition//', '//trim(found%names(k))// &
                   & ' is '//fixed(constants(k)%mean + assumption%shift(k), 0)//', not ' &
@@ -230,7 +233,7 @@ contains
       call page%end_array()
    end subroutine write_assumptions
 
-   !> Write the shares in the variance of a quantity, and whether it is determined.
+   !> Write the shares in the variance of a quantity, and the verdict: whether it is determined.
    subroutine write_share(page, share, verdict)
       type(json_type), intent(inout) :: page
       type(shares_type), intent(in) :: share
@@ -293,11 +296,13 @@ contains
                & powers_text(found%names(:size(found%combinations)), combination%exponents))
             call page%put_numbers(names, combination%exponents, 'exponents')
             call page%put_numbers('sd, prior_sd', [combination%sd, combination%prior_sd])
+            ! This sd is that of a logarithm, and so relative.
             call write_share(page, share, verdict_of(1.0_wp, combination%sd, 1.0_wp, share))
             call page%end_object()
          end associate
       end do
       do i = 1, size(found%quantities)
+         ! Posterior mean and sd, prior mean and sd.
          associate (summary => found%quantity_moments(:, i))
             call begin('quantity', found%quantities(i)%name)
             call page%put('unit', found%quantities(i)%unit)
@@ -321,6 +326,7 @@ contains
 
    contains
 
+      !> Begin an object of the array.
       subroutine begin(kind, name)
          character(len=*), intent(in) :: kind, name
 
@@ -330,8 +336,8 @@ contains
       end subroutine begin
    end subroutine write_identifiability
 
-   !> Write the prior with its defaults, and the knowledge with its conflict with all other
-   !> information.
+   !> Write the prior with its defaults, and the knowledge: each known quantity, and its conflict in
+   !> sds with all other information.
    subroutine write_prior(page, found)
       type(json_type), intent(inout) :: page
       type(analysis_type), intent(in) :: found
@@ -340,8 +346,8 @@ contains
       integer :: j
 
       call page%begin_object('prior')
-      associate (prior => found%posterior%prior, known => found%posterior%prior%knowledge)
-         call page%put('share_covered', prior%share_inside)
+      call page%put('share_covered', found%posterior%prior%share_inside)
+      associate (known => found%posterior%prior%knowledge)
          call page%begin_array('knowledge')
          sd = known%sd()
          do j = 1, size(sd)
@@ -362,8 +368,8 @@ contains
       call page%end_object()
    end subroutine write_prior
 
-   !> Describe in a few lines what determines the result: the measurements; measure and limits of
-   !> the prior; bounds; knowledge; the surrogate.
+   !> Describe in a few lines what determines the result: the measurements, the density and the
+   !> limits of the prior, its bounds, the knowledge, and the surrogate.
    subroutine describe_prior(found, lines)
       type(analysis_type), intent(in) :: found
       type(line_type), allocatable, intent(out) :: lines(:)
@@ -427,7 +433,6 @@ contains
    function surrogate_text(found) result(line)
       type(analysis_type), intent(in) :: found
       character(len=:), allocatable :: line
-
       integer :: simulations
 
       line = ''
@@ -448,11 +453,9 @@ contains
          & //fixed(100.0_wp*found%posterior%prior%share_inside, 0)//' % of the prior'
    end function surrogate_text
 
-   !> Put the `document`, the problem and all numbers. Of the chains: 'draws' (parameter, sample,
-   !> chain), 'log_density' (sample, chain), 'acceptance' (chain), 'prior_draws'. Of every draw in
-   !> 'stride': 'predicted', 'log_likelihood', 'replicated' (grain, draw, chain), 'factor' (group,
-   !> draw, chain), 'quantities' (quantity, draw, chain), 'log_prior' (draw, chain). Of each
-   !> parameter: 'most_probable', NaN outside the interval. And the limits of the prior.
+   !> Put the `document`, the problem and all numbers, see `posterior_forms` for their axes. In
+   !> 'most_probable' a parameter is NaN outside its interval of 95 %. 'predicted' and 'replicated'
+   !> are values of the measurements, 'lower' and 'upper' are bounds of the prior.
    subroutine put_analysis(found, document, out)
       type(analysis_type), intent(in) :: found
       !> JSON.
@@ -492,7 +495,7 @@ contains
       end associate
    end subroutine put_analysis
 
-   !> Write posterior.bin into a `folder`, with the `inputs` of which the results were computed.
+   !> Write posterior.bin into a `folder`, with the `inputs` from which the results were computed.
    subroutine save_posterior(found, document, folder, inputs, error)
       type(analysis_type), intent(in) :: found
       character(len=*), intent(in) :: document, folder, inputs
@@ -505,7 +508,8 @@ contains
       call values%store(folder//posterior_file, error)
    end subroutine save_posterior
 
-   !> Read the `content` of posterior.bin in a folder, without the checksum, see `restore`.
+   !> Read the `content` of posterior.bin in a folder, without the checksum at its end, and refuse
+   !> sizes that contradict each other. See `restore`.
    subroutine read_posterior(folder, content, error)
       character(len=*), intent(in) :: folder
       character(len=:), allocatable, target, intent(out) :: content
@@ -523,6 +527,7 @@ contains
       n_chains = max(1, size(values%reals('acceptance')))
       n_samples = size(values%reals('log_density'))/n_chains
       n_kept = size(values%reals('log_prior'))/n_chains
+      ! Every draw in `stride` is kept: n_samples/stride of a chain, rounded up.
       associate (n => class%n_constants, stride => int(values%integer('stride'), i8))
          if (allocated(error) .or. n /= size(values%reals('lower')) .or. n_samples == 0 &
             & .or. size(values%reals('most_probable')) < n .or. n_samples > n_kept*stride &
@@ -533,8 +538,8 @@ contains
       end associate
    end subroutine read_posterior
 
-   !> Read the draws (parameter, draw) in a folder if they were computed of these inputs. A damaged
-   !> file is refused.
+   !> Read the draws (parameter, draw) in a folder if they were computed from these inputs. A
+   !> damaged file is refused.
    subroutine stored_draws(folder, inputs, dimension, draws, error)
       character(len=*), intent(in) :: folder, inputs
       !> Number of parameters.

@@ -39,7 +39,7 @@ contains
 
       symmetry = ''
       if (x%in%has('symmetry')) symmetry = x%in%text('symmetry')
-      ! If only a stiffness is stated, all constants are reported.
+      ! The quantities of a stiffness without a class are those of the general class.
       if (len(symmetry) == 0 .and. verb == 'reported_quantities') symmetry = general_class
       if (x%in%has('symmetry')) call new_crystal_class(symmetry, class, x%error)
       if (allocated(x%error)) return
@@ -51,7 +51,7 @@ contains
          call x%out%put('constants', class%constants)
       case ('stiffness')
          !> symmetry, constants -> stiffness
-         ! Stiffnesses of constants (k, n).
+         ! Stiffnesses of crystals with these constants (k, n).
          stiffness = class%stiffnesses(x%in%columns('constants', class%n_constants))
          call x%out%put('stiffness', stiffness)
       case ('averages')
@@ -67,8 +67,8 @@ contains
          end do
       case ('directions')
          !> symmetry, count -> values
-         ! Directions within the region of distinct directions of the class: `count` that are far
-         ! apart, or an even lattice if it is 0.
+         ! Directions in the region of distinct directions of the class: `count` directions that
+         ! are far apart, or an even lattice if `count` is 0.
          call new_region(class, region)
          if (x%in%integer('count') > 0) then
             call spread_of_directions(region, x%in%integer('count'), x%values)
@@ -77,7 +77,7 @@ contains
          end if
       case ('representatives')
          !> symmetry, directions -> values
-         ! Equivalents of directions (3, n) in that region.
+         ! Equivalents of directions (3, n) in the region of distinct directions of the class.
          call new_region(class, region)
          columns => x%in%columns('directions', 3)
          allocate (x%values, mold=columns)
@@ -86,15 +86,16 @@ contains
          end do
       case ('theory')
          !> stiffness, euler_deg, threads -> values
-         ! Indentation modulus (GPa) of crystals at angles (degrees), exact and for a circular
-         ! contact.
+         ! Indentation moduli (GPa) of crystals at angles (degrees): the exact ones, then those for
+         ! a circular contact.
          allocate (x%values(size(c, 3), 2))
          call halfspace_moduli(c, x%in%columns('euler_deg', 3), x%threads(), x%values(:, 1), &
             & x%error, x%values(:, 2))
       case ('waves')
          !> stiffness, euler_deg, propagation_deg, density_kg_m3 -> values
-         ! Speeds of the surface wave and of the slowest bulk wave (m/s), and the normal share of
-         ! the displacement, for crystals of a density (kg/m3) at angles, in directions (degrees).
+         ! Speeds of the surface wave and of the slowest bulk wave (m/s), and the part of the
+         ! displacement normal to the surface. Each crystal has its angles (degrees), its direction
+         ! of propagation (degrees) and its density (kg/m3).
          columns => x%in%columns('propagation_deg', 1)
          allocate (waves(size(c, 3)))
          call rayleigh_waves(c, x%in%columns('euler_deg', 3), &

@@ -1,5 +1,5 @@
-!> The simulation of an indentation: one model comprises meshes, solver and contact, and yields the
-!> modulus of a simulated curve.
+!> The simulation of an indentation by finite elements. A model has the meshes and depths of a test.
+!> Indenting a crystal with it gives a curve and its modulus.
 !>
 !> Lengths are in um, forces in mN, stiffnesses in GPa. The indenter moves along -z of the sample.
 module fe_indentation
@@ -40,7 +40,7 @@ module fe_indentation
       real(wp), allocatable :: depth(:), window(:)
    end type indentation_type
 
-   !> Does not change once made, so threads share it.
+   !> A test with its meshes. It does not change once made, so threads share it.
    type, extends(indentation_type) :: indentation_model_type
       !> Grids, the finest first.
       type(grid_type), allocatable :: grid(:)
@@ -56,9 +56,9 @@ module fe_indentation
       !> The estimate of the indentation modulus, GPa, and a diagnostic: from the slope of a line
       !> with intercept.
       real(wp) :: modulus = 0.0_wp, modulus_slope = 0.0_wp
-      !> Derivatives of the modulus: by the stiffness in crystal axes, for small changes of which
-      !> the modulus changes by the sum of their products (6, 6), and by rotations of the crystal
-      !> about the axes of the sample, GPa (3). They are 0 for estimators other than 'curve'.
+      !> Derivatives of the modulus. A small change dC of the stiffness in crystal axes changes the
+      !> modulus by sum(by_stiffness*dC). `by_rotation` is for rotations of the crystal about the
+      !> axes of the sample, GPa. All are 0 for estimators other than 'curve'.
       real(wp) :: by_stiffness(6, 6) = 0.0_wp, by_rotation(3) = 0.0_wp
       !> Modulus from each depth alone, GPa; estimate from each mesh alone, GPa, the finest first.
       real(wp), allocatable :: modulus_by_depth(:), modulus_of_mesh(:)
@@ -69,10 +69,11 @@ module fe_indentation
       real(wp) :: zone = 1.0_wp, seconds = 0.0_wp
    end type indentation_result_type
 
-   !> A depth counts for the modulus if the contact radius spans at least this many elements.
+   !> The estimate 'curve' uses a depth if the contact radius spans at least this many elements
+   !> (docs/simulation.md).
    real(wp), parameter :: least_elements = 5.0_wp
-   !> The window extends over this share of the last contact radius to both sides, with this number
-   !> of depths.
+   !> Contact radii of the window: from 0.84 to 1.16 times the last one, at this number of depths
+   !> (docs/simulation.md).
    real(wp), parameter :: window_share = 0.16_wp
    integer, parameter :: window_depths = 25
    integer :: i
@@ -110,10 +111,9 @@ contains
             call prefix_error(error, 'with the window of the stiffness ')
             call locate_error(error, '', 'indenter')
             if (allocated(error)) return
-            model%window = indenter%depth_of(indenter%contact_radius &
-                                            & *(1.0_wp + window_share*window_position))
+            model%window = indenter%depth_of( &
+               & indenter%contact_radius*(1.0_wp + window_share*window_position))
          end if
-
          model%refine = simulation%refine*[1.0_wp, model%specimen%coarse_ratio]
          model%as_needed = .not. allocated(simulation%extrapolate)
          if (allocated(simulation%extrapolate)) then
@@ -165,9 +165,9 @@ contains
       end do
    end subroutine make_grids
 
-   !> Whether the contact radius (half-space) at each depth spans enough elements for the estimate
-   !> of the modulus. Finer meshes use the depths of the default mesh, because the modulus of a
-   !> grain depends on them.
+   !> Whether the contact radius on a half-space spans enough elements for the estimate of the
+   !> modulus, at each depth. The modulus of a grain depends on the depths that are used. So a finer
+   !> mesh uses the same depths as the default mesh.
    pure function is_resolved(model)
       type(indentation_model_type), intent(in) :: model
       logical :: is_resolved(size(model%depth))
@@ -208,7 +208,7 @@ contains
       integer, intent(in), optional :: field_step
       type(indentation_model_type) :: wider
       type(error_type), allocatable :: obstacle
-      real(wp) :: c(6, 6), zone, moduli(2), start, bond(6, 6)
+      real(wp) :: c(6, 6), zone, widening, moduli(2), start, bond(6, 6)
       integer :: elements, step, i
       logical :: two_meshes
 
@@ -234,14 +234,15 @@ contains
       call simulate_depths(model, c, two_meshes, step, result, error)
       elements = result%elements
       do while (result%left_zone > 0)
-         ! The contact fitted at the depth before. A circular contact would have grown by this ratio
-         ! of radii until the last depth, and an elliptical one grows about as much. A contact that
-         ! left at the first depth gives no such estimate.
+         ! The contact was inside the zone at the depth before. From there to the last depth a
+         ! circular contact grows by this ratio of radii, and an elliptical one by about as much. A
+         ! contact that left at the first depth gives no such estimate.
+         widening = most_widening
          associate (radius => model%indenter%contact_radius_of([model%depth, model%window]), &
-            & i => result%left_zone)
-            zone = zone*merge(most_widening, &
-               & min(most_widening, maxval(radius)/radius(max(1, i - 1))), i == 1)
+            & left => result%left_zone)
+            if (left > 1) widening = min(widening, maxval(radius)/radius(left - 1))
          end associate
+         zone = zone*widening
          if (zone > widest) exit
          call new_wider_model(model, zone, wider, obstacle)
          if (allocated(obstacle)) then
@@ -264,10 +265,11 @@ contains
       result%elements = elements
       result%zone = zone
       if (allocated(result%by_material)) then
-         associate (by => model%specimen%by_crystal(result%by_material, c))
-            result%by_rotation = [(2.0_wp*sum(by*matmul(rotated_by(i), c)), i=1, 3)]
+         associate (by_c => model%specimen%by_crystal(result%by_material, c))
+            ! A rotation, whose Bond matrix changes by dM, changes c by dM c + (dM c)ᵀ.
+            result%by_rotation = [(2.0_wp*sum(by_c*matmul(rotated_by(i), c)), i=1, 3)]
             bond = bond_matrix(transpose(rotation_matrix(euler)))
-            result%by_stiffness = matmul(transpose(bond), matmul(by, bond))
+            result%by_stiffness = matmul(transpose(bond), matmul(by_c, bond))
          end associate
       end if
       result%seconds = omp_get_wtime() - start
@@ -285,7 +287,7 @@ contains
       turn = 0.0_wp
       turn(j, i) = 1.0_wp
       turn(i, j) = -1.0_wp
-      ! The Bond matrix is of degree two, for which this difference is exact.
+      ! The Bond matrix is of degree two in the rotation, so the central difference is exact.
       rotated_by = 0.5_wp*(bond_matrix(unit + turn) - bond_matrix(unit - turn))
    end function rotated_by
 
@@ -351,9 +353,13 @@ contains
       end subroutine extrapolate_curve
    end subroutine simulate_depths
 
-   !> The modulus as an instrument computes it, GPa. For the half-space dU = 2 a_H dh with contact
-   !> radius a_H, so S/(2 a_H) = dP/dU: the slope at the last depth of a parabola over the window. A
-   !> discrete contact grows in steps; weights that fall towards both ends smooth them.
+   !> The modulus by the estimator of the specimen, GPa (docs/simulation.md).
+   !>
+   !> Without a window it is the fit of `moduli_of`. With a window it is S/(2 a), as an instrument
+   !> computes it. On a half-space the unit force U has the slope dU/dh = 2 a_H with the contact
+   !> radius a_H, so S/(2 a_H) = dP/dU. This is the slope at the last depth of a parabola over the
+   !> window. A discrete contact grows in steps. Weights that decrease towards both ends smooth the
+   !> steps.
    pure real(wp) function modulus_of(model, curve) result(modulus)
       type(indentation_model_type), intent(in) :: model
       type(curve_type), intent(in) :: curve
@@ -370,13 +376,15 @@ contains
       weight = cos(0.5_wp*pi*window_position*(window_depths - 1)/(window_depths + 1))**2
       weight = weight/sum(weight)
       u = model%indenter%unit_force(model%window) - model%indenter%unit_force(model%depth(n))
+      ! Polynomials of u of degree 1 and 2, orthogonal under the weights. At the last depth, u = 0,
+      ! their slopes are 1 and -mixed.
       linear = u - sum(weight*u)
       mixed = sum(weight*u**2*linear)/sum(weight*linear**2)
       square = u**2 - sum(weight*u**2) - mixed*linear
       modulus = sum(weight*linear*curve%force(n + 1:))/sum(weight*linear**2) &
          & - mixed*sum(weight*square*curve%force(n + 1:))/sum(weight*square**2)
       if (model%specimen%estimator == 'stiffness_hertz') return
-      ! The area of the contact grows about linearly with the depth.
+      ! The contact radius is that at the last depth of a line through the areas over the window.
       area = (curve%contact_radius(n + 1:) - edge_bias*model%grid(1)%mesh%element_size)**2
       u = model%window - model%depth(n)
       linear = u - sum(weight*u)

@@ -1,12 +1,14 @@
 !> The mesh generator: a uniform box of bricks under the indenter, wrapped in layers.
 !>
-!> The box is [-w, w] x [-w, w] x [-d, 0]; material is z < 0. A stage of the plan wraps layers of
-!> bricks around the present surface (without its top). The nodes of the surface move on straight
-!> lines to their places at the end of the stage, on a surface of the same shape or a hemisphere. If
-!> the shape stays the same, bricks repeat from layer to layer up to scale, and so do
-!> their stiffnesses. An interface is the end of a stage. Before a stage the surface may be
-!> coarsened 2:1; a node that then hangs takes the mean of its neighbours. A layer of infinite
-!> elements, swept along rays from the origin, surrounds the whole, or its bottom is clamped.
+!> The box is [-w, w] x [-w, w] x [-d, 0]; the material is at z < 0. The surface of the mesh means
+!> its sides and its bottom, without the top. A stage of the plan wraps layers of bricks around the
+!> surface. From layer to layer the nodes of the surface move on straight lines to their places at
+!> the end of the stage, on a surface of the same shape or a hemisphere. On surfaces of the same
+!> shape the layers of a stage are equal up to scale, and so are the stiffnesses of their bricks. An
+!> interface between materials is the end of a stage. Before a stage the surface may be coarsened
+!> 2:1. The nodes that the coarse surface lacks hang: each has the mean displacement of its
+!> neighbours. At the end a layer of infinite elements, swept along rays from the origin, surrounds
+!> the mesh, or its bottom is clamped.
 module fe_mesh
    use errors, only: error_type
    use kinds, only: wp
@@ -33,8 +35,8 @@ module fe_mesh
       integer, allocatable :: facet(:, :), facet_material(:)
       !> Clamped nodes.
       integer, allocatable :: clamped(:)
-      !> Hanging nodes. Hanging node j is the mean of the two or four nodes `master(:, j)`, which
-      !> zeros follow.
+      !> Hanging nodes. Hanging node j has the mean displacement of two or four nodes, the numbers
+      !> above 0 in `master(:, j)`.
       integer, allocatable :: hanging(:), master(:, :)
       !> Surface nodes that may touch the indenter.
       integer, allocatable :: contact(:)
@@ -51,8 +53,8 @@ module fe_mesh
       integer :: step = 1, nodes = 0, bricks = 0, n_hanging = 0, classes = 0
    end type builder_type
 
-   !> Memory of a mesh with its pattern and the places of its entries, bytes per brick, rounded up
-   !> from a measurement.
+   !> Memory of a mesh and of the sparsity pattern of its stiffness matrix, bytes per brick, rounded
+   !> up from a measurement.
    real(wp), parameter :: bytes_per_brick = 6.0e3_wp
    !> Lengths that differ by less than this share are equal.
    real(wp), parameter :: equal = 1.0e-9_wp
@@ -72,7 +74,7 @@ contains
       call check_memory(bytes_per_brick*bricks, &
          & 'a mesh of '//to_text(bricks)//' elements', error)
       if (allocated(error)) return
-      ! An upper bound: memory that is never written is never used.
+      ! An upper bound. The part of `x` that is never written takes no memory.
       nodes = 3*bricks
       allocate (self%x(3, nodes), self%brick(8, bricks), self%material(bricks), &
          & self%class(bricks), self%representative(bricks))
@@ -98,7 +100,7 @@ contains
       integer, parameter :: corner(3, 8) = reshape([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 0, 0, 1, &
          & 1, 0, 1, 1, 1, 1, 0, 1, 1], [3, 8])
       integer, allocatable :: top(:)
-      integer :: n, levels, i, j, k
+      integer :: n, levels, first, i, j, k
 
       n = plan%half_cells
       levels = plan%depth_cells
@@ -128,12 +130,15 @@ contains
       self%material(:self%bricks) = 1
       self%element_size = plan%half_width/n
       self%contact_limit = plan%half_width
-      ! A hanging node has no displacement of its own, so it cannot be in contact.
-      if (plan%stages(max(1, findloc(plan%stages%layers > 0, .true., dim=1)))%coarsen) then
+      ! If the first stage with layers coarsens the surface, nodes at the edge of the top hang. They
+      ! have no displacement of their own, so they cannot be in contact.
+      first = max(1, findloc(plan%stages%layers > 0, .true., dim=1))
+      if (plan%stages(first)%coarsen) then
          self%contact_limit = plan%half_width - self%element_size
       end if
       top = reshape(self%node_at(:, :, levels), [(2*n + 1)**2])
       self%contact = pack(top, norm2(self%x(:2, top), dim=1) <= self%contact_limit*(1.0_wp + equal))
+      ! Only the nodes of the sides and of the bottom are part of the surface.
       self%node_at(1:2*n - 1, 1:2*n - 1, 1:levels) = 0
    end subroutine fill_box
 
@@ -158,6 +163,8 @@ contains
          do f = 1, facets
             self%brick(1:4, self%bricks + f) = nodes_of(self%node_at, quad(:, :, f))
          end do
+         ! The share of the way to the end of the stage. Each layer is `growth` times as thick as
+         ! the one before.
          share = (stage%growth**layer - 1.0_wp)/(stage%growth**stage%layers - 1.0_wp)
          self%node_at = unpack([(self%nodes + p, p=1, points)], self%node_at > 0, self%node_at)
          self%x(:, self%nodes + 1:self%nodes + points) = start + share*(finish - start)
@@ -167,6 +174,7 @@ contains
                self%brick(5:8, brick) = nodes_of(self%node_at, quad(:, :, f))
                self%material(brick) = stage%material
                self%growth(brick) = stage%growth
+               ! Bricks between surfaces of one shape repeat those of the first layer.
                if (layer == 1 .or. stage%radius > 0.0_wp) then
                   self%classes = self%classes + 1
                   self%representative(self%classes) = brick
@@ -211,11 +219,13 @@ contains
       node = [(node_at(lattice(1, a), lattice(2, a), lattice(3, a)), a=1, size(lattice, 2))]
    end function nodes_of
 
-   !> Retain every other lattice point of the surface; the nodes between them hang on their
-   !> neighbours.
+   !> Retain every other lattice point of the surface. The nodes between them hang on the retained
+   !> neighbours: two of a node on an edge of the coarse facets, four of a node inside.
    subroutine coarsen(self)
       type(builder_type), intent(inout) :: self
-      integer :: i, j, k, step, odd(3), corner(3), offset(3), m, p
+      !> Distances to the retained neighbours along the axes of the lattice.
+      integer :: distance(3)
+      integer :: i, j, k, step, corner(3), side(3), m, p
       integer, allocatable :: fine(:, :, :)
 
       allocate (fine, source=self%node_at)
@@ -224,15 +234,16 @@ contains
          do j = 0, ubound(fine, 2), step
             do i = 0, ubound(fine, 1), step
                if (fine(i, j, k) == 0) cycle
-               odd = merge(step, 0, mod([i, j, k], 2*step) /= 0)
-               if (all(odd == 0)) cycle
+               distance = merge(step, 0, mod([i, j, k], 2*step) /= 0)
+               if (all(distance == 0)) cycle
                self%n_hanging = self%n_hanging + 1
                self%hanging(self%n_hanging) = fine(i, j, k)
                m = 0
                do p = 0, 7
-                  offset = [2*iand(p, 1) - 1, iand(p, 2) - 1, iand(p, 4)/2 - 1]
-                  if (any(odd == 0 .and. offset > 0)) cycle
-                  corner = [i, j, k] + offset*odd
+                  ! The bits of p are the sides, -1 or 1. A distance of 0 has one side only.
+                  side = [2*iand(p, 1) - 1, iand(p, 2) - 1, iand(p, 4)/2 - 1]
+                  if (any(distance == 0 .and. side > 0)) cycle
+                  corner = [i, j, k] + side*distance
                   m = m + 1
                   self%master(m, self%n_hanging) = fine(corner(1), corner(2), corner(3))
                end do

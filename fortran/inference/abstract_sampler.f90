@@ -43,12 +43,12 @@ module abstract_sampler
       end subroutine evaluate_interface
    end interface
 
-   !> What weighted draws say of a density in the working coordinates.
+   !> Estimates from weighted draws of a density in the working coordinates.
    type :: estimate_type
       !> Logarithm of the integral of the density, and its standard error.
       real(wp) :: log_integral = 0.0_wp, log_integral_error = 0.0_wp
-      !> Shape of the tail of the weights, and of the weights times the squared deviation of any
-      !> coordinate (the greatest).
+      !> Shape k of a Pareto distribution: the greatest of that of the weights and, for each
+      !> coordinate, that of the weights times its squared deviation from the mean.
       real(wp) :: pareto_k = 0.0_wp
       !> Whether the weights can be trusted.
       logical :: is_reliable = .false.
@@ -73,8 +73,8 @@ module abstract_sampler
       !> Number of sweeps before the first retained sample. A sweep evaluates the density once for
       !> each parameter.
       integer :: burn_in = 0
-      !> Number of efforts, see `run`; and of runs that are enough for a multiple of so many chains:
-      !> a run then makes several chains, one after the other.
+      !> Number of efforts, see `run`. Most runs: if there are more chains and their number is a
+      !> multiple of it, each run makes several chains, one after the other.
       integer :: efforts = 1, most_runs = huge(1)
    contains
       !> Run one chain. Several threads call it at the same time, each with its own sampler. It may
@@ -86,8 +86,8 @@ module abstract_sampler
       subroutine run_interface(self, effort, target, stream, chain)
          import
          class(sampler_type), intent(inout) :: self
-         !> 1 at first. A larger number takes more time; it follows if an estimate of the last one
-         !> is unreliable. The chain of the last effort has no estimate.
+         !> The first effort is 1. The next one, which takes more time, follows if the estimates
+         !> are not reliable. The chain of the last effort has no estimate.
          integer, intent(in) :: effort
          class(target_type), intent(in) :: target
          type(random_stream_type), intent(inout) :: stream
@@ -98,7 +98,7 @@ module abstract_sampler
 contains
 
    !> Logarithm of the density of working coordinates `w`, up to a constant. It includes the
-   !> Jacobian |dx/dw|.
+   !> Jacobian |dx/dw|. It is recursive, because targets divide many points into blocks.
    pure recursive subroutine evaluate_working(self, w, log_density)
       class(target_type), intent(in) :: self
       !> (dimension, point).
@@ -147,14 +147,14 @@ contains
       !> (parameter, point), (point).
       real(wp), intent(out) :: points(:, :), density(:)
       integer, intent(out) :: n_found
-      !> For each point that is found, after the tries for so many.
-      integer, parameter :: most_tries = 20000, some = 100
+      !> Most tries: `tries_a_point` for each point that is found and for `extra_points` more.
+      integer, parameter :: tries_a_point = 20000, extra_points = 100
       integer :: n_tried, i
 
       n_found = 0
       n_tried = 0
-      do while (n_found < size(density) .and. n_tried < most_tries*(some + n_found) &
-         & .and. .not. stop_requested())
+      do while (n_found < size(density) .and. n_tried < tries_a_point*(extra_points &
+         & + n_found) .and. .not. stop_requested())
          n_tried = n_tried + size(density) - n_found
          do i = n_found + 1, size(density)
             call target%draw_start(stream, points(:, i))
@@ -162,6 +162,7 @@ contains
          call target%evaluate(points(:, n_found + 1:), density(n_found + 1:))
          ! The points of the support move to the front.
          do i = n_found + 1, size(density)
+            ! This leaves out NaN as well.
             if (.not. density(i) > outside) cycle
             n_found = n_found + 1
             points(:, n_found) = points(:, i)

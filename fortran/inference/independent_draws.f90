@@ -147,8 +147,8 @@ contains
          & .and. maxval(weights) < min(most_share, most_weight/n)
    end function estimate_of
 
-   !> Whether two estimates agree: the integrals, the means within a tenth of an sd, and the sds
-   !> within 5 %.
+   !> Whether two estimates agree within three standard errors and these tolerances: 0.02 of the
+   !> logarithm of the integral, a tenth of an sd of the means, and 5 % of the sds.
    pure logical function agree(a, b)
       type(estimate_type), intent(in) :: a, b
       real(wp), parameter :: of_integral = 0.02_wp, of_mean = 0.1_wp, of_sd = 0.05_wp
@@ -156,12 +156,12 @@ contains
 
       sd = 0.5_wp*(a%sd + b%sd)
       agree = is_near(a%log_integral - b%log_integral, of_integral, a%log_integral_error, &
-         & b%log_integral_error) &
-         & .and. all(is_near(a%mean - b%mean, of_mean*sd, a%mean_error, b%mean_error)) &
+         & b%log_integral_error)
+      agree = agree .and. all(is_near(a%mean - b%mean, of_mean*sd, a%mean_error, b%mean_error)) &
          & .and. all(is_near(a%sd - b%sd, of_sd*sd, a%sd_error, b%sd_error))
    end function agree
 
-   !> Whether a difference is within a tolerance and three standard errors.
+   !> Whether a difference is within the sum of a tolerance and three standard errors.
    elemental logical function is_near(difference, tolerance, error_a, error_b)
       real(wp), intent(in) :: difference, tolerance
       !> Standard errors of both values.

@@ -1,5 +1,6 @@
-!> Coordinates in which a curved ridge is straight: principal axes, the longest first, less for each
-!> coordinate a polynomial of the earlier ones. The map keeps volumes up to a constant.
+!> Coordinates in which a curved ridge is straight. They are the principal axes, the longest first.
+!> A polynomial of the earlier coordinates is subtracted from each. The map keeps volumes up to a
+!> constant factor.
 module ridge_coordinates
    use errors, only: error_type
    use kinds, only: wp
@@ -9,8 +10,8 @@ module ridge_coordinates
    private
    public :: whitening_type, fit_whitening
 
-   !> Number of the longest axes that have products of 2, 3, .. 8 factors in a polynomial, a row for
-   !> each richness 0 .. 6. All axes have linear terms.
+   !> Number of the longest axes that have products of 2, 3, .. 8 factors in a polynomial, for each
+   !> richness 0 .. 6. All axes have linear terms.
    integer, parameter :: richest = 6, most_factors = 8
    integer, parameter :: axes_with(2:most_factors, 0:richest) = reshape([ &
       & 0, 0, 0, 0, 0, 0, 0, &
@@ -20,27 +21,29 @@ module ridge_coordinates
       & 20, 6, 3, 1, 1, 0, 0, &
       & 20, 8, 4, 2, 1, 1, 1, &
       & 20, 8, 4, 2, 2, 2, 1], [most_factors - 1, richest + 1])
-   !> Number of axes, without the last one, from which on products of more than four factors and
-   !> tangents beyond the points would only fit noise.
-   integer, parameter :: many_axes = 5
+   !> Most dimensions with products of more than four factors, and with tangents beyond the points.
+   !> For more dimensions they would only fit noise.
+   integer, parameter :: few_dimensions = 5
+   !> A polynomial continues along its tangent over this share of its range.
+   real(wp), parameter :: tangent_share = 0.12_wp
    !> Distinct points needed for each term of a polynomial.
    integer, parameter :: points_a_term = 10
 
    type :: whitening_type
-      !> Logarithm of the volume in working coordinates of the unit of volume in whitened ones.
+      !> Logarithm of the ratio of a volume in working coordinates to that in whitened ones.
       real(wp) :: log_volume = 0.0_wp
       integer, private :: n = 0
-      !> Mean of the points; maps to their principal axes z, of unit variance, and back; sd of each
-      !> z less its polynomial.
+      !> Mean of the points; maps to their principal axes z, which have unit variance, and back; sd
+      !> of z minus its polynomial, for each axis.
       real(wp), allocatable, private :: centre(:), forward(:, :), backward(:, :), width(:)
-      !> A feature is a product of coordinates z. Feature k is the earlier feature `parent(k)` times
-      !> the coordinate `axis(k)`. The features of the first m coordinates are the first
-      !> `n_features(m)`, m from 0.
+      !> A feature is a product of coordinates z. The first is 1. Feature k is the earlier feature
+      !> `parent(k)` times the coordinate `axis(k)`. The features of the first m coordinates are the
+      !> first `n_features(m)`, m from 0.
       integer, allocatable, private :: parent(:), axis(:), n_features(:)
       !> Coefficients of the features of z(1) .. z(j-1), for coordinate j.
       real(wp), allocatable, private :: coefficients(:, :)
       !> Range of each z in which the polynomial was fitted. Beyond it the polynomial continues
-      !> along its tangent for 12 % of the range, and is constant from there on.
+      !> along its tangent, see `tangent_share`, and is constant from there on.
       real(wp), allocatable, private :: least(:), greatest(:)
    contains
       procedure :: to_white, from_white
@@ -66,19 +69,22 @@ contains
          whitening%axis = [whitening%axis, i]
          first = size(whitening%axis)
          do power = 2, most_factors
-            if (i > axes_with(power, richness) .or. (power > 4 .and. m >= many_axes)) exit
+            if (i > axes_with(power, richness)) exit
+            ! The last dimension has no features.
+            if (power > 4 .and. m + 1 > few_dimensions) exit
             last = size(whitening%axis)
             do k = first, last
                whitening%parent = [whitening%parent, spread(k, 1, whitening%axis(k))]
                whitening%axis = [whitening%axis, (j, j=1, whitening%axis(k))]
             end do
+            ! The next products are those with one factor more.
             first = last + 1
          end do
          whitening%n_features(i) = size(whitening%axis)
       end do
    end subroutine list_features
 
-   !> Evaluate the features of coordinates from the number `first` on; the earlier ones are given.
+   !> Evaluate the features of coordinates from feature `first` on. The earlier features are given.
    pure subroutine evaluate_features(self, z, first, f, tangent)
       type(whitening_type), intent(in) :: self
       real(wp), intent(in), contiguous :: z(:)
@@ -89,8 +95,8 @@ contains
       integer :: k
 
       nearest = min(max(z, self%least(:size(z))), self%greatest(:size(z)))
-      excess = merge(0.12_wp, 0.0_wp, &
-         & self%n <= many_axes)*(self%greatest(:size(z)) - self%least(:size(z)))
+      excess = merge(tangent_share, 0.0_wp, self%n <= few_dimensions)*(self%greatest(:size(z)) &
+         & - self%least(:size(z)))
       excess = min(max(z - nearest, -excess), excess)
       do k = first, self%n_features(size(z))
          f(k) = f(self%parent(k))*nearest(self%axis(k))
@@ -125,7 +131,8 @@ contains
       z = points - spread(whitening%centre, 2, n_points)
       axes = matmul(z, transpose(z))/n_points
       call symmetric_eigen(axes, values, error)
-      ! Sort the axes, the longest first, and scale them to unit variance.
+      ! Sort the axes, the longest first, and scale them to unit variance. No axis is
+      ! shorter than 1e-8 of the longest one.
       values = sqrt(max(values(n:1:-1), 1.0e-16_wp*max(values(n), 1.0e-8_wp)))
       axes = axes(:, n:1:-1)
       whitening%forward = transpose(axes/spread(values, 1, n))
@@ -139,11 +146,12 @@ contains
          call evaluate_features(whitening, z(:n - 1, i), 2, f(:, i), tangent)
       end do
       gram = gram_of(f)
+      ! A small ridge term for features that depend on each other.
       do i = 1, size(gram, 1)
          gram(i, i) = gram(i, i)*(1.0_wp + 1.0e-6_wp) + 1.0e-6_wp*n_points
       end do
       ! Coordinate j depends on the first m features only, and the factor of their Gram matrix is
-      ! the leading block of the whole one.
+      ! the leading block of the whole one. Without a factor the polynomials are 0.
       call cholesky_factor(gram, error)
       do j = 1, n
          m = whitening%n_features(j - 1)

@@ -27,11 +27,10 @@ module simulate
    implicit none
    private
    public :: outcome_type, simulator_type, new_simulator, check_simulation, simulation_error, &
-      & specimen_stiffness, specimen_contact_radius, derivatives_of, has_derivatives, &
-      & outcome_waiting, outcome_done, outcome_failed, identity_text
+      & specimen_stiffness, specimen_contact_radius, derivatives_of, has_derivatives, identity_text
 
    !> Status of the simulation of a crystal.
-   integer, parameter :: outcome_waiting = 0, outcome_done = 1, outcome_failed = 2
+   integer, parameter, public :: outcome_waiting = 0, outcome_done = 1, outcome_failed = 2
    !> Number of derivatives by the stiffness, where there are any.
    integer, parameter, public :: n_derivatives = 21
 

@@ -18,12 +18,13 @@ module curves_stage
    public :: curves_stage_type
 
    type, extends(stage_type) :: curves_stage_type
+      !> Tests, materials and shared unknowns, and their posterior.
       type(curves_posterior_type) :: found
    contains
       procedure :: begin, finish
    end type curves_stage_type
 
-   !> Limits of a first estimate of a modulus, GPa. Outside, the units of the curve are wrong.
+   !> Limits of a first estimate of a modulus, GPa. An estimate outside means wrong units.
    real(wp), parameter :: moduli_allowed(2) = [0.01_wp, 5000.0_wp]
 
 contains
@@ -32,7 +33,7 @@ contains
    subroutine begin(self, error)
       class(curves_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      real(wp) :: sd, modulus
+      real(wp) :: radius_sd, modulus
       integer :: i
 
       allocate (self%found%tests(size(self%problem%data%curves%curves)))
@@ -44,6 +45,7 @@ contains
                call take_loading(c%points, merge(0.0_wp, c%drift, asked%drift_removed), test%curve)
                test%reason = test%curve%refusal
                test%used = len(test%reason) == 0
+               ! This may leave out the test.
                if (test%used) call begin_test(test, asked%radius_um)
                if (.not. test%used) cycle
                modulus = exp(test%ln_modulus)
@@ -56,11 +58,12 @@ contains
                return
             end associate
          end do
-         sd = 0.3_wp
-         if (allocated(asked%radius_sd_um)) sd = asked%radius_sd_um/asked%radius_um
+         ! Relative; 30 % if none is stated (docs/namelists.md).
+         radius_sd = 0.3_wp
+         if (allocated(asked%radius_sd_um)) radius_sd = asked%radius_sd_um/asked%radius_um
          s%prior_mean = [log(asked%radius_um), asked%tip_beta, 0.0_wp, &
             & spread(0.0_wp, 1, size(s%sessions))]
-         s%prior_sd = [sd, asked%tip_beta_sd, asked%compliance_sd_nm_mn, &
+         s%prior_sd = [radius_sd, asked%tip_beta_sd, asked%compliance_sd_nm_mn, &
             & spread(asked%session_sd, 1, size(s%sessions))]
          s%drift_prior_sd = asked%drift_sd_nm_s
       end associate
@@ -72,6 +75,7 @@ contains
          type(line_type), allocatable :: names(:)
          integer :: i, k
 
+         ! A reference and a grain may have the same name; '=' marks that of a reference.
          allocate (names(0), self%found%sessions(0))
          do i = 1, size(self%found%tests)
             associate (c => self%problem%data%curves%curves(i))
@@ -110,6 +114,7 @@ contains
          real(wp) :: modulus(1), sd, effective
          integer :: i
 
+         ! References that are stated, for the message; the modulus of the one that is sought.
          names = ''
          modulus = 0.0_wp
          associate (r => self%problem%settings%references, indenter => self%problem%settings%curves)
@@ -122,14 +127,16 @@ contains
                end if
             end if
             if (allocated(self%problem%data%references)) then
-               do i = 1, self%problem%data%references%n
-                  names = names//', '//self%problem%data%references%name(i)
-                  if (self%problem%data%references%name(i) /= material%name) cycle
-                  call halfspace_moduli(self%problem%data%references%stiffness(:, :, i:i), &
-                     & self%problem%data%references%euler_deg(:, i:i), 1, modulus, error)
-                  if (allocated(error)) return
-                  sd = r%crystal_sd
-               end do
+               associate (crystals => self%problem%data%references)
+                  do i = 1, crystals%n
+                     names = names//', '//crystals%name(i)
+                     if (crystals%name(i) /= material%name) cycle
+                     call halfspace_moduli(crystals%stiffness(:, :, i:i), &
+                        & crystals%euler_deg(:, i:i), 1, modulus, error)
+                     if (allocated(error)) return
+                     sd = r%crystal_sd
+                  end do
+               end associate
             end if
             if (len(names) == 0) names = ', none'
             if (.not. modulus(1) > 0.0_wp) then
@@ -138,6 +145,8 @@ contains
                   & //', whose modulus is not stated; stated: '//names(3:), error)
             end if
             if (allocated(error)) return
+            ! The effective modulus includes the indenter. Its relative sd follows from that of the
+            ! modulus.
             effective = 1.0_wp/(1.0_wp/modulus(1) &
                & + (1.0_wp - indenter%indenter_nu**2)/indenter%indenter_modulus_gpa)
             material%prior_mean = log(effective)
@@ -178,9 +187,10 @@ contains
       class(curves_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
       integer, parameter :: most_steps = 8, fewest_steps = 3
-      !> Change of a shared unknown at convergence, in its posterior sd; and the prior sd of the
-      !> depth at which a test begins, nm.
-      real(wp), parameter :: converged = 0.05_wp, zero_sd = 1.0e4_wp
+      !> Largest change of a shared unknown at convergence, in units of its posterior sd.
+      real(wp), parameter :: converged = 0.05_wp
+      !> Prior sd of the depth at which a test begins, nm.
+      real(wp), parameter :: zero_sd = 1.0e4_wp
       real(wp) :: before(n_shared)
       integer :: i, step
 
@@ -216,13 +226,13 @@ contains
 
    contains
 
-      !> Compare the tests of each material with their median, which is the centre of the prior of a
-      !> grain's modulus. From the second step on tests far from it are left out.
+      !> Compare the tests of each material with their median. The prior of a grain's modulus is
+      !> centred on it. From the second step on, tests that are far from it are left out.
       subroutine compare_tests()
          !> Distance from the median, in ln(modulus), beyond which a test is left out.
          real(wp), parameter :: far = 0.5_wp
          integer, allocatable :: own(:)
-         real(wp), allocatable :: found(:)
+         real(wp), allocatable :: ln_modulus(:)
          real(wp) :: centre
          integer :: i, k
 
@@ -230,16 +240,16 @@ contains
             do k = 1, size(materials)
                own = pack([(i, i=1, size(tests))], tests%material == k .and. tests%used)
                if (size(own) == 0) cycle
-               found = tests(own)%ln_modulus + tests(own)%shift
-               centre = median(size(own), found)
+               ln_modulus = tests(own)%ln_modulus + tests(own)%shift
+               centre = median(size(own), ln_modulus)
                if (.not. materials(k)%reference) materials(k)%prior_mean = centre
                if (size(own) < 3 .or. step == 1) cycle
                do i = 1, size(own)
-                  if (abs(found(i) - centre) > far) then
+                  if (abs(ln_modulus(i) - centre) > far) then
                      call leave_out(tests(own(i)), &
-                        & 'its modulus of '//to_text(exp(found(i)), 3)//' GPa is far from the ' &
-                        & //to_text(exp(centre), 3)//' GPa of the other tests of ' &
-                        & //materials(k)%name)
+                        & 'its modulus of '//to_text(exp(ln_modulus(i)), 3) &
+                        & //' GPa is far from the '//to_text(exp(centre), 3) &
+                        & //' GPa of the other tests of '//materials(k)%name)
                   end if
                end do
             end do
@@ -251,10 +261,10 @@ contains
    subroutine check_references(self, error)
       class(curves_stage_type), intent(inout) :: self
       type(error_type), allocatable, intent(out) :: error
-      !> The tip is another one if its radius is further from the stated one, in sds, or the modulus
-      !> of a reference is further off, relative.
+      !> The tip is that of the namelist if its radius is within this number of sds of the stated
+      !> one, and if ln(modulus) of each reference is within this distance of the stated one.
       real(wp), parameter :: most_sds = 3.0_wp, most_misfit = 0.1_wp
-      real(wp) :: distance, found
+      real(wp) :: distance, ln_modulus
       logical :: has_reference
       integer :: k
 
@@ -265,18 +275,19 @@ contains
             associate (m => s%materials(k), own => tests%material == k .and. tests%used)
                if (.not. (m%reference .and. any(own))) cycle
                has_reference = .true.
-               found = sum(tests%ln_modulus, own)/count(own)
-               if (distance <= most_sds .and. abs(found - m%prior_mean) <= most_misfit) cycle
+               ln_modulus = sum(tests%ln_modulus, own)/count(own)
+               if (distance <= most_sds .and. abs(ln_modulus - m%prior_mean) <= most_misfit) cycle
                call self%problem%refuse('curves', 'radius_um', 'the curves of the reference ' &
                   & //m%name//' are those of another tip or material: at a radius of ' &
                   & //to_text(exp(s%mean(1)), 3)//' um, '//to_text(distance, 2) &
                   & //' sds from the stated one, they mean ' &
-                  & //to_text(exp(found), 3)//' GPa for its '//to_text(exp(m%prior_mean), 3) &
+                  & //to_text(exp(ln_modulus), 3)//' GPa for its '//to_text(exp(m%prior_mean), 3) &
                   & //' GPa. Check radius_um, radius_sd_um and &references', error)
                return
             end associate
          end do
          if (.not. has_reference) then
+            ! The sd of ln(1/sqrt(radius)), in per cent.
             call self%warn('no_reference', numbers=[50.0_wp*sqrt(s%covariance(1, 1))])
          end if
       end associate

@@ -42,19 +42,23 @@ module stages
       character(len=16) :: document
    end type stage_row_type
 
-   type(stage_row_type), parameter :: all_stages(8) = [stage_row_type('simulate', 'crystals', &
+   type(stage_row_type), parameter :: all_stages(8) = [ &
+      & stage_row_type('simulate', 'crystals', &
       & 'problem crystals specimen indenter simulation execution', 'simulate.json'), &
       & stage_row_type('theory', 'crystals', &
-      & 'problem crystals specimen indenter simulation execution', &
-      & 'theory.json'), stage_row_type('build', 'design', &
+      & 'problem crystals specimen indenter simulation execution', 'theory.json'), &
+      & stage_row_type('build', 'design', &
       & 'problem specimen indenter simulation domain surrogate design execution', 'build.json'), &
       & stage_row_type('plan', 'plan', &
       & 'problem surrogate plan measurements prior knowledge sampler execution', 'plan.json'), &
       & stage_row_type('curves', 'curves', 'problem curves references execution', 'curves.json'), &
-      & stage_row_type('extract', 'measurements', 'problem surrogate indenter measurements prior ' &
-      & //'knowledge sampler execution', 'summary.json'), stage_row_type('next', 'next', &
+      & stage_row_type('extract', 'measurements', &
+      & 'problem surrogate indenter measurements prior knowledge sampler execution', &
+      & 'summary.json'), &
+      & stage_row_type('next', 'next', &
       & 'problem surrogate indenter measurements prior knowledge sampler next execution', &
-      & 'next.json'), stage_row_type('tensor', '-', &
+      & 'next.json'), &
+      & stage_row_type('tensor', '-', &
       & 'problem surrogate indenter measurements prior knowledge sampler next execution', &
       & 'tensor.json')]
 

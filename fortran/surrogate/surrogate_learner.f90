@@ -100,9 +100,9 @@ contains
       logical, allocatable :: is_slope(:)
       integer :: n_slopes(size(simulations%modulus)), i, first
 
-      associate (known => learner%simulations, regression => learner%design%regression, &
-         & basis => learner%basis, constants => simulations%constants, &
-         & euler_deg => simulations%euler_deg, modulus => simulations%modulus)
+      associate (regression => learner%design%regression, basis => learner%basis, &
+         & constants => simulations%constants, euler_deg => simulations%euler_deg, &
+         & modulus => simulations%modulus)
          call basis%evaluate_crystals(constants, euler_deg, terms, scale, spread)
          if (.not. (all(modulus > 0.0_wp) .and. all(modulus < huge(1.0_wp)))) then
             call refuse(error, 'a simulated modulus is not positive and finite')
@@ -141,7 +141,7 @@ contains
             call update_posterior_mean(learner%design, size(y) > refresh_interval, error)
             if (allocated(error)) return
          end if
-         call known%append(simulations)
+         call learner%simulations%append(simulations)
       end associate
    end subroutine add_simulations
 

@@ -31,12 +31,11 @@ module table_columns
    real(wp), parameter :: many_turns(2) = 100.0_wp*turns, half_turn(2) = [0.0_wp, 180.0_wp]
    character(len=*), parameter :: degrees = ' deg degrees degree ° ', &
       & angles = degrees//'rad radians ', speed = ' m/s m_s '
-   character(len=*), parameter :: no_modulus = ' is no modulus of a metal'
-   type(column_type), parameter :: modulus_columns(4) = [ &
-      & column_type('modulus_gpa', moduli, ' GPa', no_modulus), &
-      & column_type('indentation_modulus_gpa', moduli, ' GPa', no_modulus), &
-      & column_type('effective_modulus_gpa', moduli, ' GPa', no_modulus), &
-      & column_type('sample_modulus_gpa', moduli, ' GPa', no_modulus)]
+   character(len=*), parameter :: modulus_names(4) = [character(len=23) :: 'modulus_gpa', &
+      & 'indentation_modulus_gpa', 'effective_modulus_gpa', 'sample_modulus_gpa']
+   integer :: i
+   type(column_type), parameter :: modulus_columns(4) = [(column_type(modulus_names(i), moduli, &
+      & ' GPa', ' is no modulus of a metal'), i=1, size(modulus_names))]
    type(column_type), parameter :: grain_columns(7) = [ &
       & column_type('sd_gpa', [no_less, moduli(2)], ' GPa', &
       & '; a standard deviation is above 0, up to 2000.0 GPa'), &
@@ -226,8 +225,8 @@ contains
       integer :: i
 
       choices = ''''//join(modulus_kinds, ''', ''')//''''
-      found = pack(modulus_columns%name, &
-         & [(table%find(trim(modulus_columns(i)%name)) > 0, i=1, size(modulus_columns))])
+      found = pack(modulus_names, &
+         & [(table%find(trim(modulus_names(i))) > 0, i=1, size(modulus_names))])
       if (size(found) /= 1) then
          call refuse(error, trim(merge('no column is a modulus       ', &
             & 'several columns are a modulus', size(found) == 0))//'; allowed ' &

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..lab.table import LaboratoryTable
 
 
-#: Tables whose cells semicolons or tabs may separate, and the variables that name them.
+#: Tables that may have semicolons or tabs between their cells, and the variables that name them.
 CONVERTED = {
     "velocities": "measurements.velocities",
     "stiffness": "knowledge.stiffness_file",
@@ -29,7 +29,11 @@ CONVERTED = {
     "texture": "measurements.texture",
 }
 #: Functions that convert texts of a namelist, by kind of variable.
-CONVERSIONS: dict[str, Callable] = {"logical": ".true.".__eq__, "integer": int, "real": float}
+CONVERSIONS: dict[str, Callable] = {
+    "logical": lambda text: text == ".true.",
+    "integer": int,
+    "real": float,
+}
 
 
 @dataclass(frozen=True)
@@ -51,13 +55,9 @@ class Variable:
     def value_of(self, texts: list[str]) -> Any:
         """The value that texts of a namelist represent."""
         values = [CONVERSIONS.get(self.kind, str)(text) for text in texts]
-        return (
-            values[0]
-            if self.shape == "one"
-            else np.array(values)
-            if self.kind == "real"
-            else values
-        )
+        if self.shape == "one":
+            return values[0]
+        return np.array(values) if self.kind == "real" else values
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,8 @@ class Points:
     The core holds the table; attributes are copies.
 
     For crystals `constants` is a list of n dicts (GPa), and `stiffness` (n, 6, 6) in GPa (crystal
-    frame). `euler_deg` is (n, 3); `modulus_gpa` and `sd_gpa` are (n,), with NaN in empty cells, or
-    None without such a column. `modulus_kind` is the kind of the measured modulus, and `names` are
+    frame). `euler_deg` is (n, 3). `modulus_gpa` and `sd_gpa` are (n,) with NaN for empty cells, or
+    None if no cell has a number. `modulus_kind` is the kind of the measured modulus. `names` are
     those of the grains, or None.
     """
 
@@ -87,6 +87,7 @@ class Points:
         return self._facts["n"]
 
     def _given(self, name: str) -> np.ndarray | None:
+        """The numbers of a column; None if there are none."""
         values = self._facts.get(name, np.nan)
         return None if np.isnan(values).all() else values
 
@@ -115,7 +116,7 @@ class Points:
 
 
 def _table(name: str, doc: str) -> Any:
-    """The property of a problem that is its table of a name, or None."""
+    """A property of problems: the table `name`, or None if the problem has none."""
 
     def points(problem: "Problem") -> Points | None:
         facts = problem._tables[name]
@@ -125,16 +126,15 @@ def _table(name: str, doc: str) -> Any:
 
 
 class Problem(NativeObject):
-    """The resolved namelist file `path` for `command`: 'run', or a stage ('simulate', 'theory',
-    'build', 'extract', 'next').
+    """The resolved namelist file `path` for `command`: 'run' or a stage, such as 'extract'.
 
     `changes` is a namelist whose variables replace those of the file.
 
-    `settings.design.budget` is the value that the command uses, stated or default: None if there is
-    none, an array if there is one for each constant. `settings.design.given` is true if the file
-    has the group. `crystals`, `measurements`, `candidates` (of &design) and `grains` (of &next) are
-    the tables (`Points`) that it names, or None. Raises `InputError` with one line that names file,
-    group and variable.
+    `settings` has the value of every variable, stated or default, as `settings.design.budget`. It
+    is None without a value, and an array if there is a value for each constant.
+    `settings.design.given` is true if the file has the group &design. `crystals`, `measurements`,
+    `candidates` (of &design) and `grains` (of &next) are the tables (`Points`) that the file names,
+    or None. Raises `InputError` with one line that names file, group and variable.
 
     Examples
     --------
@@ -153,12 +153,12 @@ class Problem(NativeObject):
     def from_keywords(
         cls, origin: str, tables: Mapping[str, Mapping] | None = None, **groups: Mapping | None
     ) -> "Problem":
-        """The problem of variables by group, `specimen={"geometry": "block"}`, which are arguments
-        of the function `origin`.
+        """The problem of variables by group, as `specimen={"geometry": "block"}`. They are
+        arguments of the function `origin`.
 
         The messages are those of a file with these values. Values that are None are left out.
-        `tables` are columns of equal length by name, as in files of 'measurements', of
-        'velocities', and of 'stiffness' in `&knowledge`.
+        `tables` are the tables 'measurements', 'velocities' and 'stiffness' (of `&knowledge`), each
+        with columns of equal length by name.
         """
         made_of = partial(cls.from_keywords, origin, tables, **groups), ()
         return cls.parse(origin, namelist_of(origin, groups), tables, made_of)
@@ -171,8 +171,8 @@ class Problem(NativeObject):
         tables: Mapping[str, Mapping] | None = None,
         made_of: tuple = (),
     ) -> "Problem":
-        """The problem of a namelist's text; messages begin with the origin. `made_of` is what
-        `__reduce__` returns; an empty one refuses copies.
+        """The problem of a namelist's text. Messages begin with the origin. `made_of` is what
+        `__reduce__` returns; if it is empty, the problem cannot be copied.
         """
         self = cls.__new__(cls)
         self._made_of = made_of
@@ -181,13 +181,16 @@ class Problem(NativeObject):
         return self
 
     def _fill(self, made: dict, path: Path, tables: Mapping[str, Mapping] | None = None) -> None:
+        """Read the tables that the problem `made` by the core names, load them into the core, and
+        set the attributes. `tables` are those of `from_keywords`.
+        """
         self._hold(made["handle"], frozen=False)
         facts = typed(self._call("describe")) | {"folder": path.parent}
         tables = dict(tables or {})
         source: Any = tables.pop("measurements", None)
         pages: dict[str, Any] = {name: columns_as_csv(table) for name, table in tables.items()}
         if names := facts.get("curves.files"):
-            # Importing this module and the following one takes time.
+            # Modules for tables are imported only for those that need them: it takes time.
             from ..lab.instruments import curves_of_files
 
             with located(path, "curves", "files"):
@@ -198,18 +201,19 @@ class Problem(NativeObject):
                 from ..lab.reading import text_with_commas
 
                 pages[name] = text_with_commas(path.parent / file)
-        file, sd = (facts.get(f"knowledge.stiffness_{name}") for name in ("file", "relative_sd"))
+        file = facts.get("knowledge.stiffness_file")
+        sd = facts.get("knowledge.stiffness_relative_sd")
         if file and (sd or file.endswith(".json")) and (path.parent / file).is_file():
             from ..lab.tensors import known_stiffness
 
             with located(path, "knowledge", "stiffness_file"), located(file):
                 matrix = known_stiffness(path.parent / file, facts.get("problem.symmetry"), sd)
             pages["stiffness"] = columns_as_csv(matrix)
-        #: The table of a laboratory and the canonical one, if one was read, or None; and the
-        #: orientation map with the indents, or None.
+        #: The measurements as a laboratory's table, or None.
         self.table: LaboratoryTable | None = None
+        #: The orientation map with the indents, or None.
         self.map: Any = None
-        #: Diagnostics of tables: codes and subjects.
+        #: Diagnostics of the measurements: codes and subjects.
         notes: list[tuple[str, str]] = []
         if file := facts.get("measurements.file"):
             source = path.parent / file
@@ -223,6 +227,7 @@ class Problem(NativeObject):
                 subject = f"the table {file or ''}".strip()
                 notes = [("table_changed", f"{subject}: {note}") for note in found.table.notes]
         if self.map is not None:
+            # The indented directions if the axes of the positions are exchanged or reversed.
             pages["misread"] = self.map.grid.misread(self.map.positions)
             notes += self.map.warnings
         for code, subject in notes:
@@ -255,13 +260,13 @@ class Problem(NativeObject):
 
 
 def columns_as_csv(table: Mapping[str, Iterable]) -> str:
-    """The text of columns of equal length."""
+    """The text of a CSV of columns of equal length."""
     return as_csv(list(table), zip(*table.values(), strict=True))
 
 
 def namelist_of(origin: str, groups: Mapping[str, Mapping | None]) -> str:
-    """The text of variables by group, as arguments of `origin`; values that are None are left
-    out.
+    """A namelist of variables by group, which are arguments of `origin`. Values that are None are
+    left out.
     """
     text = ""
     for group, values in groups.items():
@@ -277,7 +282,7 @@ def namelist_of(origin: str, groups: Mapping[str, Mapping | None]) -> str:
 
 
 def spelled(value: Any) -> str:
-    """A value as a namelist has it."""
+    """The text of a value in a namelist."""
     value = value.tolist() if isinstance(value, np.ndarray | np.generic) else value
     if isinstance(value, bool):
         return ".true." if value else ".false."
@@ -314,7 +319,7 @@ def stages() -> tuple[Stage, ...]:
 
 
 def typed(found: dict) -> dict:
-    """Named values of the core with settings, which are texts there, converted to their types."""
+    """Named values of the core. Settings, which the core returns as texts, get their types."""
     names = {f"{variable.group}.{variable.name}": variable for variable in schema()}
     return {
         name: names[name].value_of(value) if name in names else value
@@ -323,14 +328,16 @@ def typed(found: dict) -> dict:
 
 
 def grouped(values: Mapping, groups: Collection[str]) -> dict[str, dict]:
-    """Values of variables, which are given by name, for each of the groups. A name that several
-    groups have belongs to the first of them.
+    """Values of variables by group, from values by name. If several groups have a name, its value
+    belongs to the first of them.
     """
     found: dict[str, dict] = {group: {} for group in groups}
     for name, value in values.items():
         having = {variable.group for variable in schema() if variable.name == name}
-        for group in [group for group in groups if group in having][:1]:
-            found[group][name] = value
+        for group in groups:
+            if group in having:
+                found[group][name] = value
+                break
     return found
 
 
@@ -339,7 +346,7 @@ def batched(values: list, n: int) -> Iterator[list]:
     return (values[i : i + n] for i in range(0, len(values), n))
 
 
-#: Make a frozen class from a name and fields.
+#: Make a class of frozen objects from its name and its fields.
 _frozen_type = cache(namedtuple)
 
 

@@ -1,5 +1,5 @@
-"""Step 0 in Python: curves and tests as files or as tables of Python, and the moduli that the core
-infers.
+"""Step 0 in Python: the core infers the moduli of grains from curves and tests, which are files or
+tables of Python.
 """
 
 import csv
@@ -22,10 +22,11 @@ class Curves:
     """The result of `bi.curves`; `bi.extract` takes it in place of a table.
 
     `table` has the columns grain, effective_modulus_gpa, sd_gpa (of the errors that grains do not
-    share), and the orientation if the tests state it. `shared_errors` (grain, error) are relative
-    errors that grains share, one column for each independent source of sd 1. `tip_radius_um` is
-    mean and sd. `fits` has for each point of a loading the test, the load, the depth, the elastic
-    fit and the probability that the point is elastic. `document` is the content of curves.json.
+    share), and the orientation if the tests state it. Column j of `shared_errors` (grain, error)
+    has the relative errors of the moduli that one sd of the source j causes; the sources are
+    independent. `tip_radius_um` is the mean and the sd. `fits` has a row for each point of each
+    loading: the test, the load, the depth, the elastic fit, and the probability that the point is
+    elastic. `document` is the content of curves.json.
     """
 
     table: dict[str, list]
@@ -56,10 +57,10 @@ def curves(
     ----------
     curves : path, list of paths, or table
         A CSV or a table of the columns test, time_s, depth_nm, load_mn (and stiffness_n_m); or the
-        files of an instrument, one a test, whose names are those of the files.
+        files of an instrument, one for each test, which has the name of its file.
     tests : path or table
-        Columns test, grain or reference, and optional session, drift_nm_s, and the orientations of
-        grains.
+        Columns test, grain or reference. Optional columns are session, drift_nm_s, and the
+        orientations of grains.
     references : dict or path, optional
         Isotropic references, {'quartz': (72, 0.5, 0.17)}: Young's modulus and its sd in GPa,
         Poisson's ratio; or a CSV of crystals, as `&references crystals` takes it. Without
@@ -74,7 +75,7 @@ def curves(
     >>> len(moduli.table["grain"])
     14
     """
-    # Importing it takes time.
+    # Imported here, because the import takes time.
     from tempfile import TemporaryDirectory
 
     origin = "bi.curves"
@@ -96,6 +97,7 @@ def curves(
         }
     warn_of(document)
     radius = document["tip"]["radius_um"]
+    # The shape is (grain, 0) if grains share no errors.
     shared = [values for name, values in results["shared_errors"].items() if name != "grain"]
     table = results["measurements"]
     errors = np.array(shared, dtype=float).reshape(len(shared), len(table["grain"])).T
@@ -103,8 +105,8 @@ def curves(
 
 
 def references_of(references: Any, crystal_sd: float | None) -> dict | None:
-    """The variables of &references; None if there are none."""
-    if references is crystal_sd is None:
+    """The variables of &references; None if none is stated."""
+    if references is None and crystal_sd is None:
         return None
     if not isinstance(references, Mapping):
         return {"crystals": references, "crystal_sd": crystal_sd}
@@ -125,10 +127,10 @@ def references_of(references: Any, crystal_sd: float | None) -> dict | None:
 
 
 def file_of(table: Any, path: Path) -> Path:
-    """The file of a table; a table that is not a file is written to `path`."""
+    """The path of a table that is a file. Another table is written to `path` first."""
     if isinstance(table, str | os.PathLike):
         return Path(table).absolute()
-    # Importing it takes time.
+    # Imported here, because the import takes time.
     from pandas import DataFrame
 
     DataFrame(table).to_csv(path, index=False)
@@ -136,7 +138,7 @@ def file_of(table: Any, path: Path) -> Path:
 
 
 def read_columns(path: Path) -> dict[str, list]:
-    """The columns of a CSV of results: numbers, and the names of grains and tests as texts."""
+    """Read the columns of a CSV of results: numbers, and the names of grains and tests as texts."""
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = csv.reader(file)
     columns: dict[str, list] = {}

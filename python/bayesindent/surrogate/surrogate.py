@@ -27,8 +27,9 @@ SHIPPED = tuple(sorted(path.stem for path in DATA.glob("*.txt")))
 
 
 def places(output: str | os.PathLike, folder: str | os.PathLike) -> dict[str, str]:
-    """Folders of the results, the namelist and the package's data, and the names of the surrogates
-    that come with the package, for the core.
+    """Values for the core: the folders of the results, of the namelist and of the package's data,
+    and the names of the surrogates that come with the package. A folder ends in a slash; the
+    current one is ''.
     """
     folders = {"output": output, "folder": folder, "data_folder": DATA}
     return {
@@ -39,10 +40,10 @@ def places(output: str | os.PathLike, folder: str | os.PathLike) -> dict[str, st
 class Surrogate(NativeObject):
     """Indentation modulus of the crystals of a domain, with its uncertainty.
 
-    `fit` and `load` make it, from a `handle` of the core. `coefficients` (n_terms,) is the
-    posterior mean; `alpha` and `beta` are the precisions of the prior and of the noise, all in
-    units of y; `fall` is the decay rate of the prior's sd from degree to degree; `provenance` has
-    the title, physics, namelist and so on.
+    `fit` and `load` make it; `handle` is that of the core. `coefficients` (n_terms,) is the
+    posterior mean, in units of y. `alpha` and `beta` are the precisions of the prior and of the
+    noise, in the same units. `fall` is the decay rate of the prior's sd from degree to degree.
+    `provenance` has the title, the physics, the namelist and so on.
 
     Examples
     --------
@@ -78,6 +79,7 @@ class Surrogate(NativeObject):
             {name: facts[name] for name in ("alpha", "beta", "fall", "coefficients")},
             basis=basis,
             symmetry=basis.symmetry,
+            # Anything but a JSON object raises a TypeError, see `load`.
             provenance={**json.loads(facts["provenance"])},
             _facts=facts,
         )
@@ -95,12 +97,12 @@ class Surrogate(NativeObject):
         domain: dict | None = None,
         **settings: Any,
     ) -> Surrogate:
-        """A surrogate from simulated moduli (n,) of crystals (n, k) in GPa at angles (n, 3) in
-        degrees, and their derivatives (n, 21) by C11, C12, .. C66, if any, by evidence
-        maximisation.
+        """Train a surrogate by evidence maximisation. The training data are simulated moduli (n,)
+        of crystals (n, k) in GPa at angles (n, 3) in degrees. If the derivatives (n, 21) of the
+        moduli by C11, C12, .. C66 are given, they are used as well.
 
-        `symmetry` is the crystal class, and `domain` has the variables of &domain. Without bounds
-        in it, triclinic constants describe the crystals.
+        `symmetry` is the crystal class, and `domain` has the variables of &domain. If these have no
+        bounds `c_min`, `c_max`, the `constants` are the 21 of a triclinic crystal.
 
         Parameters
         ----------
@@ -113,7 +115,8 @@ class Surrogate(NativeObject):
 
     def leave_out(self, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """For each simulation of `data` the modulus (n,) in GPa that the simulations outside its
-        group predict, and the error in units of its sd. `groups` (n,) are any numbers.
+        group predict, and the error in units of its sd. `groups` (n,) has the same number for the
+        simulations of a group.
         """
         numbers = np.asarray(groups, dtype=float).ravel()
         modulus, z = self.basis._call("leave_out", groups=numbers, **self.data)["values"]
@@ -149,7 +152,7 @@ class Surrogate(NativeObject):
         self._call("save", path=path)
 
     def __reduce__(self) -> tuple:
-        # Importing it takes time.
+        # Imported here, because the import takes time.
         from tempfile import TemporaryDirectory
 
         with TemporaryDirectory() as folder:
@@ -159,11 +162,10 @@ class Surrogate(NativeObject):
     def __repr__(self) -> str:
         simulations, terms = len(self._facts["simulated_modulus_gpa"]), self.basis.n_terms
         known = f"{simulations} simulations, {terms} terms" if terms else "the exact theory"
-        title = self.provenance.get("title") or ""
-        return (
-            f"<Surrogate{f' {title!r}' if title else ''} of "
-            f"{self.symmetry if len(self.basis.c_min) else 'crystals of every class'}: {known}>"
-        )
+        title = self.provenance.get("title")
+        name = f"Surrogate {title!r}" if title else "Surrogate"
+        crystals = self.symmetry if len(self.basis.c_min) else "crystals of every class"
+        return f"<{name} of {crystals}: {known}>"
 
     @property
     def covariance(self) -> np.ndarray:
@@ -207,8 +209,8 @@ class Surrogate(NativeObject):
         return modulus.reshape(shape), sd.reshape(shape)
 
     def predict_table(self, points: Points, threads: int) -> tuple[np.ndarray, np.ndarray, str]:
-        """The same for the crystals of a table, and a warning on those outside the domain, ''
-        if there are none.
+        """Mean and sd (n,) as in `predict` for the crystals of a table, and a warning on those
+        outside the domain; '' if there are none.
         """
         crystals = {"problem": points.problem.handle, "threads": threads}
         _, covered, scale = self.basis._call("validity", **crystals)["values"]
@@ -216,14 +218,15 @@ class Surrogate(NativeObject):
         return modulus, sd, self.outside_words(covered > 0, scale)
 
     def outside(self, stiffness: ArrayLike) -> np.ndarray:
-        """Whether each crystal (n, 6, 6) in GPa is outside: unstable, of another class, a
-        coordinate out of range, or above the cap.
+        """Whether each crystal (n, 6, 6) in GPa is outside the domain: it is unstable or of another
+        class, a coordinate is out of range, or its anisotropy is above the cap.
         """
         return ~self.basis.coverage(stiffness)[1]
 
     def outside_words(self, covered: np.ndarray, scale: np.ndarray) -> str:
-        """A warning that counts and names the crystals that are not `covered` (n,), and counts
-        those outside by their `scale` (n,) in GPa; empty if all are covered.
+        """A warning on the crystals that are not `covered` (n,): their number, the first ten rows,
+        and the number of those that are outside by their `scale` (n,) in GPa. It is empty if all
+        are covered.
         """
         outside = np.flatnonzero(~covered)
         if not len(outside):
@@ -241,7 +244,7 @@ class Surrogate(NativeObject):
 
 
 def _from_text(text: str) -> Surrogate:
-    """The surrogate of a file's content."""
+    """The surrogate of the content of a file; for copies and pickles."""
     from tempfile import TemporaryDirectory
 
     with TemporaryDirectory() as folder:

@@ -20,11 +20,11 @@ from .style import (
     parity_panels,
 )
 
-#: Grains are drawn small if there are more than this.
+#: Points of grains are small if there are more grains than this.
 MANY = 60
 
-
-#: Most points of the posterior that are drawn, in all and for each chain.
+#: About so many points of the posterior are drawn: at least this number, if there are as many, and
+#: less than twice as many. In all, and for each chain.
 POINTS, LINE_POINTS = 3000, 1500
 
 
@@ -39,12 +39,11 @@ def marginals(results: Results) -> Picture:
         after = samples[name]
         low, high = np.percentile(before, [0.5, 99.5])
         edges = np.linspace(min(low, after.min()), max(high, after.max()), 61)
-        for values, colour, words in ((before, "0.7", "prior"), (after, BLUE, "posterior")):
-            # Relative to the highest bin: a sharp posterior would flatten the prior.
+        for values, colour, source in ((before, "0.7", "prior"), (after, BLUE, "posterior")):
+            # The highest bin of each is 1: otherwise a sharp posterior would flatten the prior.
             counts = np.histogram(values, edges)[0]
-            axes.stairs(
-                counts / counts.max(), edges, color=colour, fill=True, alpha=0.6, label=words
-            )
+            heights = counts / counts.max()
+            axes.stairs(heights, edges, color=colour, fill=True, alpha=0.6, label=source)
         if reference:
             axes.axvline(reference[name], color=BLACK, ls="--", lw=1, label=label)
         # The heights have no meaning.
@@ -80,7 +79,8 @@ def pairs(results: Results) -> Picture:
             text = f"{correlation[i, j]:+.2f}".replace("-", "−")
             cell.text(0.5, 0.5, text, ha="center", va="center", size="large", color="#555555")
             continue
-        cell.set(xlabel=labels[j], ylabel=labels[i] * (j < i))
+        # A histogram has no constant along y.
+        cell.set(xlabel=labels[j], ylabel="" if i == j else labels[i])
         cell.tick_params(axis="x", rotation=45)
         if i == j:
             cell.stairs(*np.histogram(table[i], 36), fill=True, color=SKY, alpha=0.7)
@@ -102,8 +102,8 @@ def pairs(results: Results) -> Picture:
 
 
 def grain_comparison(results: Results) -> Picture:
-    """Measured against predicted moduli, without the factor that all grains share, and with their
-    inferred scatter in the sds.
+    """Measured against predicted moduli. The predictions contain the factor that all grains share,
+    and the sds contain the inferred scatter between grains.
     """
     grains = [] if results.without_orientations else results.predicted
     return compared(
@@ -124,7 +124,7 @@ def velocities(results: Results) -> Picture:
 
 
 def numbers_of(item: dict) -> list[float]:
-    """The measured value and its sd, and the predicted mean and sd; 0 for what is not there."""
+    """The measured value and its sd, and the predicted mean and sd. A missing number is 0."""
     return [item.get(name) or 0.0 for name in ("measured", "measured_sd", "mean", "sd")]
 
 
@@ -137,8 +137,9 @@ def compared(
     scatter: float = 0.0,
     factor: float = 1.0,
 ) -> Picture:
-    """Measured against predicted values, and the residuals, in units of the sd where one is stated.
-    A relative `scatter` is part of it; a `factor` that all values share is taken out.
+    """Measured against predicted values, and the residuals, in units of the measured sd if all are
+    stated. A relative `scatter` adds to this sd. The predictions are multiplied by a `factor` that
+    all measurements share.
     """
     measured, error, mean, sd = np.array(list(map(numbers_of, present(items)))).T
     stated = bool(np.all(error > 0))
@@ -155,18 +156,20 @@ def compared(
     )
     small: dict = {"ms": 3, "lw": 0.5} if len(items) > MANY else {}
     figure = parity_panels(mean, measured, residual, labels, stated, yerr=error, xerr=sd, **small)
-    for index in np.flatnonzero(np.abs(residual) > 2) if stated else ():
-        figure.axes[1].annotate(
-            str(index + 1), (mean[index], residual[index]), (4, 3), textcoords="offset points"
+    bands = ""
+    if stated:
+        bands = (
+            " in units of the sd, with bands of 1 and 2 sd; rows of the measurements beyond "
+            "2 sd are numbered"
         )
-    bands = (
-        " in units of the sd, with bands of 1 and 2 sd; rows of the measurements beyond "
-        "2 sd are numbered"
-    )
+        for index in np.flatnonzero(np.abs(residual) > 2):
+            figure.axes[1].annotate(
+                str(index + 1), (mean[index], residual[index]), (4, 3), textcoords="offset points"
+            )
     return Picture(
         figure,
         f"Measured and predicted {quantity} of {len(items)} {of}. Left: bars are ± 1 sd. Right: "
-        f"residuals{bands * stated}.{more}",
+        f"residuals{bands}.{more}",
     )
 
 
