@@ -41,7 +41,7 @@ contains
          if (scan(word(i:i), ' _') == 0) symbol = symbol//lower(word(i:i))
       end do
       if (len(symbol) == 0 .or. scan(word(:1), 'PABCFIRHpabcfirh') == 0 &
-         & .or. verify(symbol, '-0123456/mabcdne') > 0) then
+         & .or. verify(symbol, '-0123456/mabcdne') > 0 .or. index(symbol//'-', '--') > 0) then
          return
       end if
       ! The full symbol 'P 1 21/c 1' is 'P21/c'.

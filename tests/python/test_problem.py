@@ -397,3 +397,9 @@ def test_a_synonym_is_its_crystal_class(tmp_path):
 def test_a_symmetry_may_be_a_space_group(word):
     problem = Problem.from_keywords("f", problem={"symmetry": word})
     assert problem.settings.problem.symmetry == "cubic"
+
+
+@pytest.mark.parametrize("word", ["P-", "P--1", "P---", "Q-1"])
+def test_what_is_no_space_group_is_refused(word):
+    with pytest.raises(bi.InputError, match=f"symmetry: '{word}' is not known"):
+        Problem.from_keywords("f", problem={"symmetry": word})

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -75,6 +76,33 @@ def test_the_regression_is_the_cores(small):
     found = regression.fit(terms[:160], pool.modulus[:160])
     assert found.loocv == pytest.approx(document["loocv_gpa"], rel=1e-6)
     assert found.log_evidence == pytest.approx(document["log_evidence"], rel=1e-8)
+
+
+def test_derivatives_serve_as_further_simulations(small, tmp_path):
+    """By theory, with differences as derivatives."""
+    _, pool = small
+    assert pool.by_stiffness is None
+    assert pool.unseen == 110
+    stiffness, angles, step = (
+        bi.stiffness("cubic", *pool.constants[:40].T),
+        pool.euler_deg[:40],
+        0.01,
+    )
+    slopes = []
+    for i, j in zip(*np.triu_indices(6), strict=True):
+        change = np.zeros((6, 6))
+        change[i, j] = change[j, i] = step
+        above, below = (bi.halfspace_modulus(stiffness + d, angles) for d in (change, -change))
+        slopes.append((above - below) / (2 * step))
+    known = replace(
+        studies.Pool("cubic", pool.constants[:40], angles, pool.modulus[:40]),
+        by_stiffness=np.array(slopes).T,
+    )
+    found = arms.derivatives(known, pool.last(pool.unseen), tmp_path)
+    assert found["sizes"] == [40]
+    assert found["judges"] == 110
+    alone, both = (found["errors"][name][0]["mean"] for name in arms.TRAINED)
+    assert both < 0.6 * alone
 
 
 def test_leave_one_out_is_that_of_fits_without_the_point(small):

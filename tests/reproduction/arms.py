@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import qmc
 
+from bayesindent.crystal.elasticity import stiffness_rows
+from bayesindent.surrogate.surrogate import Surrogate
 from reproduction.published import STUDIES
 from reproduction.regression import Terms, choose, fit
 from reproduction.studies import (
@@ -18,15 +20,18 @@ from reproduction.studies import (
     kept,
     namelist_of,
 )
+from support.paper_domains import DOMAINS
 
 __all__ = [
     "ARMS",
     "FURTHER",
     "PRIORS",
     "SIZES",
+    "TRAINED",
     "arms_by_theory",
     "arms_of",
     "degree_3",
+    "derivatives",
     "theory_pool",
 ]
 
@@ -43,6 +48,15 @@ ARMS = {
     "start": "the paper's first set, then random",
     "sequence": "the paper's sequence",
 }
+
+#: Numbers of simulations with and without derivatives: the sequence begins with its first set.
+FEWER = {
+    "cubic": (40, 80, 123, 150, 200, 300),
+    "hexagonal": (200, 400, 760, 1240, 2200),
+}
+
+#: What the model is trained on, and whether derivatives are among it.
+TRAINED = {"the moduli": False, "moduli and derivatives": True}
 
 #: Number of independent crystals on which arms by theory are judged, and their seed.
 JUDGES, JUDGES_SEED = 3000, 20190
@@ -106,12 +120,15 @@ def errors(terms: Terms, pool: Pool, rows: np.ndarray, judges: tuple, width=1.0)
     their terms and moduli.
     """
     found = fit(terms.values[rows], pool.modulus[rows], width)
-    error = np.abs(judges[0] @ found.coefficients - judges[1])
+    return {"loocv": found.loocv} | sizes_of(judges[0] @ found.coefficients - judges[1])
+
+
+def sizes_of(error: np.ndarray) -> dict:
+    """Mean, rms and largest of some errors (n,)."""
     return {
-        "loocv": found.loocv,
-        "mean": float(error.mean()),
+        "mean": float(np.abs(error).mean()),
         "rms": float(np.sqrt((error**2).mean())),
-        "worst": float(error.max()),
+        "worst": float(np.abs(error).max()),
     }
 
 
@@ -124,6 +141,36 @@ def arms_of(pool: Pool, judges: Pool, seed: int, sizes: tuple) -> dict:
     for arm, size in product(ARMS, sizes):
         found[arm].append(errors(terms, pool, rows_of(arm, pool, size, seed), judged))
     return found
+
+
+def derivatives(pool: Pool, judges: Pool, folder: Path) -> dict:
+    """Errors of the paper's model by the number of simulations of its sequence, trained by the
+    program on their moduli, and on their derivatives as well; kept in the folder.
+    """
+    paper = STUDIES[pool.symmetry]
+    many = len(pool.modulus) - pool.unseen
+    sizes = [size for size in FEWER[pool.symmetry] if size < many] + [many]
+    stiffness = stiffness_rows(pool.symmetry, judges.constants)
+    settings = {"degree": paper["degree"], "bandlimit": paper["bandlimit"], "model": "paper"}
+
+    def compute() -> dict:
+        found: dict[str, list] = {name: [] for name in TRAINED}
+        for (name, is_used), size in product(TRAINED.items(), sizes):
+            surrogate = Surrogate.fit(
+                pool.constants[:size],
+                pool.euler_deg[:size],
+                pool.modulus[:size],
+                pool.by_stiffness[:size] if is_used else None,
+                symmetry=pool.symmetry,
+                domain=DOMAINS[pool.symmetry],
+                **settings,
+            )
+            modulus, _ = surrogate.predict(stiffness, judges.euler_deg)
+            found[name].append(sizes_of(modulus - judges.modulus))
+        return {"sizes": sizes, "judges": len(judges.modulus), "errors": found}
+
+    inputs = [pool.symmetry, sizes, pool.modulus, judges.modulus]
+    return kept(folder / "derivatives.json", inputs, compute)
 
 
 def further_random(pool: Pool, judges: Pool, seed: int) -> list[dict]:

@@ -85,6 +85,8 @@ class Results:
     #: By class, a list over seeds.
     arms: dict[str, list] = field(default_factory=dict)
     arms_fe: dict[str, Any] = field(default_factory=dict)
+    #: By class, those that are by finite elements.
+    derivatives: dict[str, dict] = field(default_factory=dict)
     judges: Pool | None = None
     degree_3: dict[str, list] = field(default_factory=dict)
     studies: dict[str, Study] = field(default_factory=dict)
@@ -204,3 +206,7 @@ def compute_arms(results: Results) -> None:
     sizes = [size for size in arms.SIZES["cubic"] if size < budget] + [budget]
     found = arms.arms_of(results.pools["cubic"], results.judges, 1, tuple(sizes))
     results.arms_fe = {"sizes": sizes, "errors": found}
+    for symmetry in filter(results.by_simulation, results.pools):
+        pool = results.pools[symmetry]
+        judges = results.judges if symmetry == "cubic" else pool.last(pool.unseen)
+        results.derivatives[symmetry] = arms.derivatives(pool, judges, folder / symmetry)

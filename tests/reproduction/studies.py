@@ -3,7 +3,9 @@ build leaves, and results that are kept.
 """
 
 import json
+import sqlite3
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -105,10 +107,25 @@ def independent_crystals(symmetry: str, count: int, seed: int) -> tuple[np.ndarr
     return found[:count], angles
 
 
+def derivatives_in(campaign: Path) -> dict[tuple, list[float]]:
+    """The derivatives by the stiffness, (21,), of the simulations of a campaign that have them, by
+    constants and angles.
+    """
+    with closing(sqlite3.connect(campaign)) as file:
+        rows = file.execute(
+            "SELECT constants, euler_deg, modulus_by_stiffness FROM simulation"
+            " WHERE modulus_by_stiffness <> '[]'"
+        ).fetchall()
+    found = ([json.loads(text) for text in row] for row in rows)
+    return {(*constants, *euler): slopes for constants, euler, slopes in found}
+
+
 @dataclass(frozen=True)
 class Pool:
     """Simulations: constants (n, k) in GPa, angles (n, 3) in degrees, moduli (n,) in GPa; the first
-    ones are those of the paper's sequence, in its order, of which `initial` begin it.
+    ones are those of the paper's sequence, in its order, of which `initial` begin it, and all but
+    the last `unseen` ones are of it. `by_stiffness` (n, 21) has the derivatives of the moduli, if
+    they are known.
     """
 
     symmetry: str
@@ -116,18 +133,25 @@ class Pool:
     euler_deg: np.ndarray
     modulus: np.ndarray
     initial: int = 0
+    unseen: int = 0
+    by_stiffness: np.ndarray | None = None
 
     @classmethod
     def of_build(cls, symmetry: str, folder: Path, document: dict, initial: int) -> "Pool":
         """All simulations of a build."""
-        data = Surrogate.load(folder / "surrogate.txt").data
-        unseen = document["validation"]
+        data, unseen = Surrogate.load(folder / "surrogate.txt").data, document["validation"]
+        constants = np.concatenate([data["constants"], unseen["constants"]])
+        euler_deg = np.concatenate([data["euler_deg"], unseen["euler_deg"]])
+        known = derivatives_in(folder / "campaign.sqlite")
+        crystals = np.column_stack([constants, euler_deg])
         return cls(
             symmetry,
-            np.concatenate([data["constants"], unseen["constants"]]),
-            np.concatenate([data["euler_deg"], unseen["euler_deg"]]),
+            constants,
+            euler_deg,
             np.concatenate([data["modulus_gpa"], unseen["simulated"]]),
             initial,
+            len(unseen["simulated"]),
+            np.array([known[tuple(row)] for row in crystals.tolist()]) if known else None,
         )
 
     @classmethod
@@ -135,6 +159,12 @@ class Pool:
         """Crystals with the moduli of the exact theory."""
         modulus = halfspace_modulus(stiffness_rows(symmetry, constants), euler_deg)
         return cls(symmetry, constants, euler_deg, modulus)
+
+    def last(self, many: int) -> "Pool":
+        """The last ones."""
+        return Pool(
+            self.symmetry, self.constants[-many:], self.euler_deg[-many:], self.modulus[-many:]
+        )
 
     @property
     def coordinates(self) -> np.ndarray:
