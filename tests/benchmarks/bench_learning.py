@@ -13,6 +13,7 @@ is also the paper's own model, which learns a class at a time, as in inputs/case
 
 import argparse
 import csv
+import time
 from pathlib import Path
 
 import f90nml
@@ -56,6 +57,10 @@ SPECIMENS: dict[str, dict] = {
 }
 
 
+#: Whether the corrections of each name are trained on derivatives.
+TRAINED = {"derivatives": True, "moduli": False}
+
+
 def main(argv=None) -> int:
     """Simulate, build, tabulate, draw."""
     parser = argparse.ArgumentParser(
@@ -88,7 +93,10 @@ def main(argv=None) -> int:
         "--without-paper", action="store_true", help="leave out the paper's model on the block"
     )
     parser.add_argument(
-        "--without-derivatives", action="store_true", help="train on the moduli alone"
+        "--trained",
+        choices=[*TRAINED, "both"],
+        default="derivatives",
+        help="on derivatives and moduli, on moduli alone, or one after the other (derivatives)",
     )
     parser.add_argument("--variance-of", default="imse", help="what chooses, see &design (imse)")
     parser.add_argument(
@@ -113,16 +121,22 @@ def main(argv=None) -> int:
         print_shipped(unseen)
     if arguments.seeds == 0:
         return 0
-    rows = [row for seed in range(1, arguments.seeds + 1) for row in curve(arguments, seed, unseen)]
+    chosen = TRAINED if arguments.trained == "both" else [arguments.trained]
+    seeds = range(1, arguments.seeds + 1)
+    rows = [
+        row for name in chosen for seed in seeds for row in curve(arguments, name, seed, unseen)
+    ]
     with open(arguments.output / "learning.csv", "w", newline="") as stream:
         writer = csv.DictWriter(stream, list(rows[0]))
         writer.writeheader()
         writer.writerows(rows)
     unit = "GPa" if arguments.specimen == "block" else "%"
-    print_tables(rows, unit)
+    for name in chosen:
+        print_tables([row for row in rows if row["trained"] == name], unit)
+    print_times(rows)
     if arguments.specimen == "block" and not arguments.without_paper:
         print_paper_model(arguments, unseen)
-    draw(rows, unit, arguments)
+    draw([row for row in rows if row["trained"] == next(iter(chosen))], unit, arguments)
     print(f"{arguments.output / 'learning.csv'}, {arguments.output / 'learning.svg'}")
     return 0
 
@@ -287,10 +301,11 @@ def simulated(
     )
 
 
-def curve(arguments, seed: int, unseen: dict) -> list[dict]:
-    """Errors and shares on the unseen crystals, by the number of simulations."""
-    trained = "moduli_" if arguments.without_derivatives else ""
-    rows, folder = [], arguments.output / f"{trained}seed_{seed}"
+def curve(arguments, trained: str, seed: int, unseen: dict) -> list[dict]:
+    """Errors and shares on the unseen crystals, and CPU seconds from nothing, by the number of
+    simulations. Simulations of an earlier run take no time.
+    """
+    rows, folder, cpu_s = [], arguments.output / f"{trained}_seed_{seed}", 0.0
     folder.mkdir(parents=True, exist_ok=True)
     specimen = namelist_of(SPECIMENS[arguments.specimen])
     for size in map(int, arguments.sizes.split(",")):
@@ -298,11 +313,13 @@ def curve(arguments, seed: int, unseen: dict) -> list[dict]:
         path.write_text(
             f"&problem title = 'Learning: {arguments.specimen}', seed = {seed} /\n"
             f"&specimen {specimen} /\n"
-            f"&surrogate derivatives = .{not arguments.without_derivatives}. /\n".lower()
+            f"&surrogate derivatives = .{TRAINED[trained]}. /\n".lower()
             + f"&design budget = {size}, variance_of = '{arguments.variance_of}' /\n"
             f"&execution workers = {arguments.workers} /\n"
         )
+        began = time.process_time()
         document = build(Problem(path, "build"), folder)
+        cpu_s += time.process_time() - began
         surrogate = Surrogate.load(document["file"])
         for name, (matrices, angles, modulus) in unseen.items():
             mean, sd = surrogate.predict(matrices, angles)
@@ -316,7 +333,7 @@ def curve(arguments, seed: int, unseen: dict) -> list[dict]:
             shares = (np.mean(z <= 1), np.mean(z <= 2), np.quantile(z, 0.99))
             columns = ("theory", "ratio", "correction", "rms", "within_1_sd", "within_2_sd", "z_99")
             rows.append(
-                {"seed": seed, "set": name, "simulations": size}
+                {"trained": trained, "seed": seed, "set": name, "simulations": size, "cpu_s": cpu_s}
                 | dict(zip(columns, (*errors, *shares), strict=True))
             )
     return rows
@@ -378,6 +395,18 @@ def print_tables(rows: list[dict], unit: str) -> None:
                 + " | ".join(f"{means(rows, name, size, column):.3f}" for size in sizes)
                 + " |"
             )
+
+
+def print_times(rows: list[dict]) -> None:
+    """CPU seconds of Step 1 from nothing, and the error that they buy, means over the seeds."""
+    names = kinds(rows)
+    print(f"\n| trained on | simulations | CPU s | {' | '.join(names)} |")
+    print("|" + "---|" * (3 + len(names)))
+    for trained, size in dict.fromkeys((row["trained"], row["simulations"]) for row in rows):
+        these = [row for row in rows if row["trained"] == trained]
+        cells = [f"{means(these, name, size, 'rms'):.3f}" for name in names]
+        cpu_s = means(these, names[0], size, "cpu_s")
+        print(f"| {trained} | {size} | {cpu_s:.1f} | {' | '.join(cells)} |")
 
 
 def draw(rows: list[dict], unit: str, arguments) -> None:

@@ -219,9 +219,13 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     assert main(["report", str(output), "--paper"]) == 0
     text = (paper / "methods.tex").read_text()
     assert "(a work of 1974)" in text and text.count("[state the source") == 1
-    # No figure of what the run has not got; of the others all four files.
-    assert {path.stem for path in (paper / "figures").iterdir()} == {"grain_comparison"}
+    # No figure of what the run has not got; of the others all five files, one for two columns.
+    drawn = {path.stem for path in (paper / "figures").iterdir()}
+    assert drawn == {"grain_comparison", "grain_comparison_wide"}
     for stem in ("grain_comparison",):
+        wide = (paper / "figures" / f"{stem}_wide.pdf").read_bytes()
+        assert b"/MediaBox [ 0 0 504 " in wide
+        assert b"/CIDFontType2" in wide
         assert "<text" in (paper / "figures" / f"{stem}.svg").read_text()
         assert b"/CIDFontType2" in (paper / "figures" / f"{stem}.pdf").read_bytes()
         png = (paper / "figures" / f"{stem}.png").read_bytes()

@@ -5,10 +5,12 @@ import io
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import chain, product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
 
 from ..common.progress import progress_bar
 from ..common.result_files import whole_file, write_csv
@@ -75,7 +77,8 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
     """Draw all figures of the results; return them by section, see `embedded`.
 
     `kind_of_files`: a format in which figures are also written to the folder `figures`. `paper`:
-    also write figures as wide as a column, and their numbers as CSV, to `paper/figures`.
+    also write figures as wide as a column and as a page, and their numbers as CSV, to
+    `paper/figures`.
     """
     paper_folder = results.folder / "paper" / "figures"
     files = {WIDTH: [(results.folder / "figures", kind_of_files, SCREEN)] if kind_of_files else []}
@@ -95,6 +98,7 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
                     # Remove files of other inputs.
                     for folder, kind, _ in [*files[width], *[(paper_folder, "csv", 0)] * in_paper]:
                         (folder / f"{name}.{kind}").unlink(missing_ok=True)
+                    (paper_folder / f"{name}_wide.pdf").unlink(missing_ok=True)
                     continue
                 figure = picture.figure
                 if results.synthetic and section in MEASURED:
@@ -103,11 +107,19 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
                     letter_panels(figure)
                     write_csv(paper_folder / f"{name}.csv", *figure_table(picture), picture.caption)
                 for folder, kind, dots in files[width]:
-                    with whole_file(folder / f"{name}.{kind}") as file:
-                        figure.savefig(file, dpi=dots, **SAVED[kind])
+                    save(figure, folder / f"{name}.{kind}", dots)
                 if not in_paper:
                     drawn[section].append(embedded(picture))
+                    if paper and section not in NO_PAPER:
+                        letter_panels(figure)
+                        save(figure, paper_folder / f"{name}_wide.pdf", FOR_PAPERS["pdf"])
     return drawn
+
+
+def save(figure: Figure, path: Path, dots: int) -> None:
+    """Write a figure in the format of the file's name, with so many dots per inch."""
+    with whole_file(path) as file:
+        figure.savefig(file, format=path.suffix[1:], dpi=dots, **SAVED[path.suffix[1:]])
 
 
 def embedded(picture: Picture) -> dict:
