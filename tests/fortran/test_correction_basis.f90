@@ -16,7 +16,8 @@ program test_correction_basis
    use random, only: new_random_stream, random_stream_type
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: spread_crystals
-   use surrogate_model, only: load_surrogate, new_grain_model, save_surrogate, surrogate_type
+   use surrogate_model, only: load_surrogate, new_grain_model, save_surrogate, &
+      & surrogate_type, values_alone
    use testing, only: check, check_close, check_refused, check_success, class_of, evaluate_terms, &
       & finish, new_domain, predict, wide
    implicit none
@@ -408,6 +409,8 @@ contains
       end do
       surrogate%covariance = matmul(factor, transpose(factor))/n
       surrogate%covariance = 0.5_wp*(surrogate%covariance + transpose(surrogate%covariance))
+      surrogate%simulations = values_alone(reshape([real(wp) ::], [21, 0]), &
+         & reshape([real(wp) ::], [3, 0]), [real(wp) ::])
       surrogate%beta = 1.0e6_wp
    end function random_surrogate
 

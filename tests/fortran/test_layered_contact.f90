@@ -106,6 +106,8 @@ contains
          layers%c(:, :, 1) = stiffness_of('hexagonal', numbers(field(line, 1), 5))
          if (base(1) > 0.0_wp) layers%c(:, :, 2) = stiffness_of('hexagonal', base)
          layers%thickness = numbers(field(line, 3), 1)
+         ! gfortran 12 copies to freed memory where the type of an allocated variable changes.
+         if (allocated(indenter)) deallocate (indenter)
          indenter = indenter_of(field(line, 4), sum(numbers(field(line, 5), 1)))
          do i = 1, 3
             exact(i:i) = numbers(field(line, 5 + i), 1)
@@ -169,6 +171,7 @@ contains
       layers%c = spread(isotropic_stiffness(100.0_wp, 0.25_wp), 3, 2)
       layers%thickness = [1.0_wp]
       do i = 1, 2
+         if (allocated(indenter)) deallocate (indenter)
          if (i == 1) indenter = indenter_of('sphere', 0.8_wp)
          if (i == 2) indenter = indenter_of('cone', 70.0_wp)
          call indent_layers(layers, indenter, [0.5_wp], 3, 1.0e-8_wp, contact, error)
@@ -222,6 +225,7 @@ contains
       layers%c = film(1)
       layers%thickness = [0.5_wp]
       do i = 1, 3
+         if (allocated(indenter)) deallocate (indenter)
          indenter = indenter_of(trim(shapes(i)), sizes(i))
          depths = indenter%depth_of(0.5_wp)*[0.98_wp, 0.99_wp, 1.0_wp, 1.01_wp, 1.02_wp]
          call indent_layers(layers, indenter, indenter%contact_radius_of(depths), 3, 1.0e-6_wp, &
