@@ -290,7 +290,7 @@ contains
       do sweep = 1, most_sweeps
          values = [(a(i, i), i=1, 6)]
          ! The entries beside the diagonal are rounding errors.
-         if (sum(a**2) - sum(values**2) <= 1.0e-30_wp*sum(values**2)) exit
+         if (sum([(sum(a(:q - 1, q)**2), q=2, 6)]) <= 0.5e-30_wp*sum(values**2)) exit
          do q = 2, 6
             do p = 1, q - 1
                if (abs(a(p, q)) <= 1.0e-17_wp*(abs(a(p, p)) + abs(a(q, q)))) cycle
