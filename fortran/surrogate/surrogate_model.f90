@@ -340,7 +340,7 @@ contains
       subroutine exchange_covariance()
          real(wp), allocatable :: packed(:)
          logical, allocatable :: lower(:, :)
-         integer :: n, i, j
+         integer :: n, i, j, first
 
          n = surrogate%basis%n_terms
          allocate (lower(n, n))
@@ -356,8 +356,15 @@ contains
                & //' and '//to_text(n*(n + 1)/2)//' are needed')
             return
          end if
-         surrogate%covariance = unpack(packed, lower, 0.0_wp)
-         surrogate%covariance = merge(surrogate%covariance, transpose(surrogate%covariance), lower)
+         ! A temporary matrix would be too large for the stack.
+         if (allocated(surrogate%covariance)) deallocate (surrogate%covariance)
+         allocate (surrogate%covariance(n, n))
+         first = 1
+         do j = 1, n
+            surrogate%covariance(j:, j) = packed(first:first + n - j)
+            surrogate%covariance(j, j:) = packed(first:first + n - j)
+            first = first + n - j + 1
+         end do
       end subroutine exchange_covariance
 
       !> Refuse precisions that are not positive and a covariance that is not positive definite.
