@@ -1,28 +1,25 @@
-!> Specimens by name, indenters, Hertz' solution, what a model states of its accuracy, and what is
-!> refused; the identity of a physics.
+!> Indenters, Hertz' solution, what a model states of its accuracy, and what is refused; the
+!> identity of a physics.
 program test_indentation
-   use basic_specimen, only: specimen_type
    use diagnostics, only: diagnostic_type
    use errors, only: error_type, machine_failure
    use fe_indentation, only: free_indentation_model, indentation_model_type, &
       & indentation_result_type, new_indentation_model, simulate_indentation
-   use fe_mesh, only: mesh_type, new_mesh
    use indenters, only: indenter_names, indenter_type, new_indenter
    use kinds, only: pi, wp
    use machine, only: check_memory, free_memory, memory_text
-   use settings_schema, only: settings_type
+   use namelist_file, only: entry_type, parse_namelist
    use settings_list, only: settings_list_type
-   use settings_schema, only: list_settings
+   use settings_reader, only: read_settings
+   use settings_schema, only: list_settings, settings_type
    use simulate, only: identity_text, new_simulator, outcome_done, outcome_failed, outcome_type, &
       & simulation_error, simulator_type
-   use specimens, only: geometry_names, new_indentation
-   use testing, only: check, check_close, check_refused, check_success, default_settings, finish, &
-      & stiffness_of
+   use specimens, only: geometry_names
+   use testing, only: check, check_close, check_refused, check_success, clenshaw_curtis_weight, &
+      & default_settings, finish, stiffness_of
    use text, only: split_list, to_text
    implicit none
 
-   call test_specimens()
-   call test_blocks()
    call test_indenters()
    call test_sneddon()
    call test_hertz()
@@ -36,125 +33,119 @@ program test_indentation
 
 contains
 
-   !> Every specimen of the list can be meshed; another name is refused.
-   subroutine test_specimens()
-      character(len=len(geometry_names)), allocatable :: names(:)
-      class(specimen_type), allocatable :: specimen
-      class(indenter_type), allocatable :: indenter
-      type(settings_type) :: settings
-      type(mesh_type) :: mesh
-      type(error_type), allocatable :: error
-      integer :: i
-
-      settings = default_settings()
-      settings%specimen%grain_radius_um = 2.0_wp
-      allocate (names, source=split_list(geometry_names))
-      do i = 1, size(names)
-         settings%specimen%geometry = trim(names(i))
-         settings%indenter%contact_radius_um = 0.5_wp
-         call new_indentation(settings, indenter, specimen, error)
-         call check_success('specimen '//names(i), error)
-         call new_mesh(specimen%plan(0.6_wp), mesh, error)
-         call check_success('mesh '//names(i), error)
-         call check('contact nodes, and something that holds the mesh: '//names(i), &
-            & size(mesh%contact) > 50 .and. (size(mesh%facet, 2) > 0 .neqv. size(mesh%clamped) > 0))
-      end do
-      settings%specimen%geometry = 'dome'
-      settings%indenter%contact_radius_um = 0.5_wp
-      call new_indentation(settings, indenter, specimen, error)
-      call check_refused('an unknown specimen', error, &
-         & "geometry: 'dome' has no mesh; allowed: "//geometry_names)
-   end subroutine test_specimens
-
-   !> The default block is the paper's; others have their size, bricks of nearly equal edges under
-   !> the contact, and layers that grow alike.
-   subroutine test_blocks()
-      !> Width, height, contact radius, um, and bricks.
-      real(wp), parameter :: blocks(4, &
-         & 4) = reshape([9.6_wp, 4.8_wp, 0.5_wp, 12400.0_wp, 9.6_wp, 19.2_wp, 0.5_wp, 41200.0_wp, &
-         & 100.0_wp, 25.0_wp, 2.0_wp, 10000.0_wp, 4.0_wp, 2.0_wp, 1.0_wp, 6400.0_wp], [4, 4])
-      class(specimen_type), allocatable :: specimen
-      class(indenter_type), allocatable :: indenter
-      type(settings_type) :: settings
-      type(mesh_type) :: mesh
-      type(error_type), allocatable :: error
-      integer :: i
-
-      settings = default_settings()
-      settings%specimen%geometry = 'block'
-      do i = 1, size(blocks, 2)
-         settings%specimen%width_um = blocks(1, i)
-         settings%specimen%height_um = blocks(2, i)
-         settings%indenter%contact_radius_um = blocks(3, i)
-         call new_indentation(settings, indenter, specimen, error)
-         call check_success('block', error)
-         call check('it has a length', specimen%has_length)
-         call new_mesh(specimen%plan(1.0_wp), mesh, error)
-         call check_success('its mesh', error)
-         associate (x => mesh%x, first => mesh%brick(:, 1))
-            call check_close('its width', maxval(x(1, :)) - minval(x(2, :)), blocks(1, i), &
-               & 1.0e-12_wp*blocks(1, i))
-            call check_close('its height', maxval(x(3, :)) - minval(x(3, :)), blocks(2, i), &
-               & 1.0e-12_wp*blocks(2, i))
-            call check_close('bricks as high as wide', &
-               & (x(3, first(5)) - x(3, first(1)))/mesh%element_size, 1.0_wp, 1.0e-9_wp)
-            call check('clamped at the bottom', &
-               & all(abs(x(3, mesh%clamped) + blocks(2, i)) < 1.0e-9_wp))
-         end associate
-         call check_close('elements to the contact radius', blocks(3, i)/mesh%element_size, &
-            & 1.0_wp/0.13_wp, 1.0e-9_wp)
-         call check('bricks', size(mesh%brick, 2) == nint(blocks(4, i)), &
-            & to_text(size(mesh%brick, 2)))
-      end do
-      settings%indenter%contact_radius_um = 1.1_wp
-      call new_indentation(settings, indenter, specimen, error)
-      call check_refused('a contact too large for the block', error, &
-         & 'width_um: 4.0 um is too narrow for a contact radius of 1.1 um; allowed from 4.4 um')
-      settings%specimen%height_um = 8.1_wp
-      settings%indenter%contact_radius_um = 0.5_wp
-      call new_indentation(settings, indenter, specimen, error)
-      call check_refused('a pillar', error, &
-         & 'height_um: 8.1 um does not go with width_um = 4.0; allowed 0.5 to 8.0 um')
-   end subroutine test_blocks
-
-   !> What closed forms of any shape obey: d(force)/d(depth) = 2 a M (Sneddon), inverse functions,
-   !> and the shape that is asked for.
+   !> The list comes from the module.
    subroutine test_indenters()
       character(len=len(indenter_names)), allocatable :: names(:)
-      type(settings_type) :: settings
-      class(indenter_type), allocatable :: indenter, other
-      type(error_type), allocatable :: error
-      real(wp), &
-         & parameter :: radii(7) = [1.0e-5_wp, 0.01_wp, 0.5_wp, 2.3_wp, 2.5_wp, 9.0_wp, 15.5_wp]
-      real(wp) :: h, dh, slope
-      integer :: i, j
+      integer :: i
 
-      settings = default_settings()
       allocate (names, source=split_list(indenter_names))
       do i = 1, size(names)
-         settings%indenter%shape = trim(names(i))
-         call new_indenter(settings%indenter, indenter, error)
-         call check_success(names(i), error)
-         do j = 1, size(radii)
-            h = indenter%depth_of(radii(j))
-            call check_close('contact radius of the depth of a contact radius: '//names(i), &
-               & indenter%contact_radius_of(h)/radii(j), 1.0_wp, 1.0e-12_wp)
-            dh = 1.0e-3_wp*h
-            slope = (8.0_wp*(indenter%unit_force(h + dh) - indenter%unit_force(h - dh)) &
-               & - indenter%unit_force(h + 2.0_wp*dh) + indenter%unit_force(h - 2.0_wp*dh)) &
-               & /(12.0_wp*dh)
-            call check_close('stiffness of the contact: '//names(i), slope/(2.0_wp*radii(j)), &
-               & 1.0_wp, 1.0e-9_wp)
-         end do
-         call check_close('the last point', indenter%contact_radius, 0.5_wp, 1.0e-15_wp)
-         settings%indenter%depth_um = indenter%depth
-         deallocate (settings%indenter%contact_radius_um)
-         call new_indenter(settings%indenter, other, error)
-         call check_close('stated by its depth', other%contact_radius, 0.5_wp, 1.0e-13_wp)
-         settings = default_settings()
+         call test_any_indenter(trim(names(i)))
       end do
       call test_shapes()
    end subroutine test_indenters
+
+   !> What any indenter does. Its gap is zero at the apex, grows with the distance from the axis,
+   !> and is convex and smooth. Depth and force at a contact radius on the isotropic half-space are
+   !> the integrals of Galin and Sneddon over the slope of the gap. The contact radius is the
+   !> inverse of the depth, and the contact stiffness is 2 a M (Sneddon). A last point that is
+   !> stated by its depth is that of its contact radius. The numbers of &indenter that change the
+   !> gap are those that the indenter names.
+   subroutine test_any_indenter(name)
+      character(len=*), intent(in) :: name
+      integer, parameter :: many = 200
+      real(wp), parameter :: radii(7) = [1.0e-5_wp, 0.01_wp, 0.5_wp, 2.3_wp, 2.5_wp, 9.0_wp, &
+         & 15.5_wp]
+      type(settings_type) :: settings
+      class(indenter_type), allocatable :: indenter, other
+      type(error_type), allocatable :: error
+      real(wp) :: h, dh, slope, gap(0:many), slopes(many), integrals(2), sine
+      integer :: i, j
+
+      settings = default_settings()
+      settings%indenter%shape = name
+      call new_indenter(settings%indenter, indenter, error)
+      call check_success('any '//name, error)
+      do j = 1, size(radii)
+         gap = indenter%gap([(radii(j)*i/many, i=0, many)])
+         slopes = gap(1:) - gap(:many - 1)
+         call check('any '//name//': zero at the apex', abs(gap(0)) <= 0.0_wp)
+         call check('any '//name//': convex and growing', all(slopes > 0.0_wp) &
+            & .and. all(slopes(2:) >= slopes(:many - 1)*(1.0_wp - 1.0e-11_wp)))
+         ! The slope has no jump.
+         call check('any '//name//': smooth', all(abs(slopes(3:) - 2.0_wp*slopes(2:many - 1) &
+            & + slopes(:many - 2)) < 0.02_wp*slopes(3:)))
+         h = indenter%depth_of(radii(j))
+         integrals = [0.0_wp, 0.0_wp]
+         do i = 0, many
+            sine = sin(0.25_wp*pi*(1.0_wp - cos(pi*i/many)))
+            slope = clenshaw_curtis_weight(i, many) &
+                   & *slope_of(indenter, radii(j)*max(sine, 1.0e-7_wp))
+            integrals = integrals + 0.5_wp*pi*radii(j)*slope*[0.5_wp, radii(j)*sine**2]
+         end do
+         call check_close('any '//name//': depth by the slope of the gap', integrals(1)/h, 1.0_wp, &
+            & 1.0e-7_wp)
+         call check_close('any '//name//': force by the slope of the gap', &
+            & integrals(2)/indenter%unit_force(h), 1.0_wp, 1.0e-7_wp)
+         call check_close('any '//name//': contact radius of the depth of a contact radius', &
+            & indenter%contact_radius_of(h)/radii(j), 1.0_wp, 1.0e-12_wp)
+         dh = 1.0e-3_wp*h
+         slope = (8.0_wp*(indenter%unit_force(h + dh) - indenter%unit_force(h - dh)) &
+            & - indenter%unit_force(h + 2.0_wp*dh) + indenter%unit_force(h - 2.0_wp*dh)) &
+            & /(12.0_wp*dh)
+         call check_close('any '//name//': stiffness of the contact', slope/(2.0_wp*radii(j)), &
+            & 1.0_wp, 1.0e-9_wp)
+      end do
+      call check_close('any '//name//': the last point', indenter%contact_radius, 0.5_wp, &
+         & 1.0e-15_wp)
+      settings%indenter%depth_um = indenter%depth
+      deallocate (settings%indenter%contact_radius_um)
+      call new_indenter(settings%indenter, other, error)
+      call check_close('any '//name//': stated by its depth', other%contact_radius, 0.5_wp, &
+         & 1.0e-13_wp)
+      call test_names_of_variables(name, indenter)
+   end subroutine test_any_indenter
+
+   !> Derivative of the gap at a distance from the axis, by differences.
+   pure real(wp) function slope_of(indenter, r)
+      class(indenter_type), intent(in) :: indenter
+      real(wp), intent(in) :: r
+      real(wp) :: step
+
+      step = 1.0e-4_wp*r
+      slope_of = (8.0_wp*(indenter%gap(r + step) - indenter%gap(r - step)) &
+         & - indenter%gap(r + 2.0_wp*step) + indenter%gap(r - 2.0_wp*step))/(12.0_wp*step)
+   end function slope_of
+
+   !> Change each number of &indenter, and see whether the gap changes.
+   subroutine test_names_of_variables(name, indenter)
+      character(len=*), intent(in) :: name
+      class(indenter_type), intent(in) :: indenter
+      class(indenter_type), allocatable :: other
+      type(settings_list_type) :: schema
+      type(settings_type) :: settings, changed
+      type(entry_type), allocatable :: file(:)
+      type(error_type), allocatable :: error
+      integer :: i
+
+      settings = default_settings()
+      schema = list_settings(settings)
+      do i = 1, size(schema%variables)
+         associate (v => schema%variables(i))
+            if (v%group /= 'indenter' .or. v%kind /= 'real' .or. v%name == 'depth_um' &
+               & .or. v%name == 'contact_radius_um') cycle
+            call parse_namelist("&indenter contact_radius_um = 0.5, shape = '"//name//"', " &
+               & //v%name//' = 30 /', file, error)
+            call read_settings(file, '', '', changed, error)
+            if (.not. allocated(error)) call new_indenter(changed%indenter, other, error)
+            call check_success('any '//name//': '//v%name, error)
+            if (allocated(error)) cycle
+            call check('any '//name//': '//v%name//' is named if it counts', &
+               & abs(other%gap(0.4_wp) - indenter%gap(0.4_wp)) > 0.0_wp &
+               & .eqv. index(', '//indenter%variables//',', ', '//v%name//',') > 0)
+         end associate
+      end do
+   end subroutine test_names_of_variables
 
    !> Gaps and forces of each shape; a small sphere is a paraboloid.
    subroutine test_shapes()
