@@ -7,11 +7,14 @@ module acquisitions
    use sequential_design, only: condition_on_candidate, design_type, quadratic_forms, tie
    implicit none
    private
-   public :: acquisition_type
+   public :: acquisition_type, acquisition_names, new_acquisition
 
-   !> A rule of &design `variance_of`; a new one needs a component here and a gain in `choose`. By
-   !> default the candidate of largest predictive variance is chosen (paper's section
-   !> 2.1; active learning, MacKay 1992).
+   !> Names that &design `variance_of` may state. A new rule needs its name here.
+   character(len=*), parameter :: acquisition_names = 'imse, variance'
+
+   !> A rule of &design `variance_of`; a new one needs a component here, its line in
+   !> `new_acquisition` and a gain in `choose`. By default the candidate of largest predictive
+   !> variance is chosen (paper's section 2.1; active learning, MacKay 1992).
    type :: acquisition_type
       !> Whether the candidate is chosen that most lowers the mean predictive variance over all
       !> candidates: the integrated mean squared error (active learning, Cohn 1996). If the domain
@@ -23,6 +26,13 @@ module acquisitions
    end type acquisition_type
 
 contains
+
+   !> The rule of this name.
+   pure type(acquisition_type) function new_acquisition(name) result(rule)
+      character(len=*), intent(in) :: name
+
+      rule%lowers_mean = name == 'imse'
+   end function new_acquisition
 
    !> Choose `size(chosen)` of the available candidates, each given all that were chosen before; of
    !> those of equal gain that with the lowest number. As many must be available. The moduli of the

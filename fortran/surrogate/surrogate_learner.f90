@@ -5,7 +5,7 @@
 !> of its errors.
 module surrogate_learner
    use abstract_basis, only: basis_type, spread_of
-   use acquisitions, only: acquisition_type
+   use acquisitions, only: acquisition_type, new_acquisition
    use errors, only: error_type, refuse
    use evidence_regression, only: add_data, coefficient_covariance, coefficient_mean, &
       & leave_groups_out, maximise_evidence, new_regression, scale_columns
@@ -234,7 +234,7 @@ contains
 
       call new_learner(basis, learning%learner, error)
       if (allocated(error)) return
-      learning%learner%rule%lowers_mean = settings%variance_of == 'imse'
+      learning%learner%rule = new_acquisition(settings%variance_of)
       learning%settings = settings
       learning%first = fewest_points
       if (.not. allocated(basis%prior_degrees)) learning%first = basis%n_terms

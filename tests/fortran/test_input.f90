@@ -1,5 +1,6 @@
 !> Text to numbers, CSV tables, the syntax of namelists, and the schema's own consistency.
 program test_input
+   use acquisitions, only: acquisition_names
    use bases, only: basis_names
    use crystal_class, only: crystal_class_names, crystal_class_type
    use error_models, only: likelihood_names
@@ -177,7 +178,7 @@ contains
       call check_words(s, 'indenter', 'shape', indenter_names)
       call check_words(s, 'surrogate', 'model', basis_names)
       call check_words(s, 'surrogate', 'truncation', truncation_names)
-      call check_words(s, 'design', 'variance_of', 'imse, variance')
+      call check_words(s, 'design', 'variance_of', acquisition_names)
       call check_words(s, 'measurements', 'modulus_kind', join(modulus_kinds, ', '))
       call check_words(s, 'measurements', 'likelihood', likelihood_names)
       call check_words(s, 'sampler', 'method', sampler_names)

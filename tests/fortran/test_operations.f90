@@ -6,12 +6,14 @@ module test_operations
    use, intrinsic :: iso_c_binding, only: c_char, c_int, c_int64_t, c_loc
    use abstract_basis, only: basis_type, grain_model_type
    use abstract_sampler, only: sampler_type
+   use acquisitions, only: new_acquisition
    use analysis, only: analysis_type
    use diagnostics, only: diagnostic, diagnostics_text
    use evidence_regression, only: coefficient_covariance, coefficient_mean, compute_posterior, &
       & leave_groups_out
    use exchange, only: exchange_type, find_object, register_object, release_object
    use field_reading, only: choose_field_degree
+   use nuisances, only: nuisance_type
    use observables, only: path_type
    use kinds, only: degree, wp
    use operations, only: perform
@@ -25,6 +27,7 @@ module test_operations
    use surrogate_learner, only: add_simulations, fit_learner, learner_type, left_out, &
       & new_learner, surrogate_of
    use surrogate_model, only: surrogate_type
+   use text, only: join
    implicit none
    private
    public :: test_do, test_release
@@ -110,6 +113,7 @@ contains
          self%posterior%prior_only = x%in%logical('prior_only')
          call x%out%put('grains', self%posterior%n_grains)
          call x%out%put('groups', self%posterior%n_groups)
+         call put_nuisances(self%posterior%nuisances, x)
       case ('analysis.sample')
          call sample()
       case ('analysis.evaluate')
@@ -216,6 +220,20 @@ contains
       end subroutine draw_moduli
    end subroutine use_analysis
 
+   !> Give the names and the priors of what is inferred beside the constants.
+   subroutine put_nuisances(nuisances, x)
+      type(nuisance_type), intent(in) :: nuisances(:)
+      type(exchange_type), intent(inout) :: x
+      integer :: i
+
+      call x%out%put('nuisances', join(nuisances%name, ' '))
+      call x%out%put('are_normal', join(merge('normal ', 'uniform', nuisances%is_normal), ' '))
+      allocate (x%values(2, size(nuisances)))
+      do i = 1, size(nuisances)
+         x%values(:, i) = nuisances(i)%prior
+      end do
+   end subroutine put_nuisances
+
    subroutine use_basis(name, basis, x, known)
       character(len=*), intent(in) :: name
       class(basis_type), intent(in) :: basis
@@ -285,7 +303,7 @@ contains
             end if
          end associate
       case ('learner.set_candidates')
-         learner%rule%lowers_mean = x%in%text('rule') == 'imse'
+         learner%rule = new_acquisition(x%in%text('rule'))
          if (.not. allocated(x%error)) then
             call set_candidates(learner%design, learner%basis, constants, euler_deg, &
                & x%in%logical('with_slopes'))

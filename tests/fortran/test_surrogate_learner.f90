@@ -1,6 +1,7 @@
 !> The fit of a surrogate, and the choice of the next simulation.
 program test_surrogate_learner
    use abstract_basis, only: basis_type
+   use acquisitions, only: new_acquisition
    use bases, only: new_basis
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
    use errors, only: error_type
@@ -138,7 +139,7 @@ contains
       call add_simulations(learner, values_alone(constants(:, 201:), euler_deg(:, 201:), &
          & modulus(201:)), .true., error)
       do rule = 1, size(rules)
-         learner%rule%lowers_mean = rules(rule) == 'imse'
+         learner%rule = new_acquisition(rules(rule))
          call set_candidates(learner%design, basis, constants(:, :200), euler_deg(:, :200), .false.)
          call fit_learner(learner, error)
          call surrogate_of(learner, '{}', surrogate, error)
@@ -157,7 +158,7 @@ contains
          call learner%rule%choose(learner%design, basis, 1, chosen, variance)
          call check('the best by '//trim(rules(rule)), chosen(1) == maxloc(sd, 1))
       end do
-      learner%rule%lowers_mean = .false.
+      learner%rule = new_acquisition('variance')
       call set_candidates(learner%design, basis, constants(:, :200), euler_deg(:, :200), .false.)
       learner%design%available(3:) = .false.
       call learner%rule%choose(learner%design, basis, 1, chosen(:2), variance(:2))
