@@ -10,18 +10,18 @@ program test_inference
    use student_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture
    use kinds, only: pi, wp
    use known_targets, only: approximated_wavy_type, banana_type, drawn_wavy_type, wavy_type
-   use observables, only: new_observable, observable_type
+   use observables, only: modulus_kinds, new_observable, observable_type
    use settings_schema, only: measurements_settings_type
    use random, only: new_random_stream, random_stream_type
    use samplers, only: chains_type, new_sampler, &
-      & run_settings_type, sample_chains
+      & run_settings_type, sample_chains, sampler_names
    use small_matrices, only: factor_columns
    use statistics, only: covariance_of, flattened
    use testing, only: check, check_close, check_refused, check_success, class_of, finish, long_cases
-   use text, only: to_text
+   use text, only: split_list, to_text
    use linear_algebra, only: exp_all, transposed_product
    implicit none
-   character(len=8), parameter :: names(3) = ['ensemble', 'scmh    ', 'direct  ']
+   character(len=len(sampler_names)), allocatable :: names(:)
    integer :: k
 
    ! Some 10,000 effective samples, and 2,000: five standard errors.
@@ -32,8 +32,11 @@ program test_inference
       call test_cooling()
       call test_factor_columns()
       call test_error_models()
+      call test_observables()
       call test_mixture()
       call test_pareto_shape()
+      ! Those of the list, and the one that draws from priors.
+      allocate (names, source=split_list(sampler_names//', direct'))
       do k = 1, size(names)
          call test_any_sampler(trim(names(k)))
       end do
@@ -112,11 +115,9 @@ contains
    !> Shared errors against the determinant and the inverse in closed form; scales; words.
    subroutine test_error_models()
       class(error_model_type), allocatable :: model
-      type(observable_type) :: observable
-      type(measurements_settings_type) :: settings
       type(error_type), allocatable :: error
       real(wp), allocatable :: b(:), l(:, :)
-      real(wp) :: r(4), u(4, 2), value, expected, large, modulus(1), slope(1)
+      real(wp) :: r(4), u(4, 2), value, expected, large
       integer :: k
 
       call new_error_model(likelihood_of('normal', 0.0_wp), model, error)
@@ -147,19 +148,72 @@ contains
       call check_close('without a variance the sd is the scale', model%scale, 1.0_wp, 0.0_wp)
       call new_error_model(likelihood_of('laplace', 1.0_wp), model, error)
       call check_refused('another likelihood', error, 'normal, student')
+   end subroutine test_error_models
+
+   !> The list comes from the module. The effective modulus in closed form.
+   subroutine test_observables()
+      type(measurements_settings_type) :: settings
+      type(observable_type) :: observable
+      type(error_type), allocatable :: error
+      real(wp) :: modulus(1)
+      integer :: k
 
       settings = measurements_settings_type(indenter_modulus_gpa=1140.0_wp, indenter_nu=0.07_wp, &
          & sample_nu=0.3_wp)
+      do k = 1, size(modulus_kinds)
+         call test_any_observable(trim(modulus_kinds(k)), settings)
+      end do
       call new_observable('effective_modulus', settings, observable, error)
       modulus = 200.0_wp
-      slope = 1.0_wp
-      call observable%to_measured(modulus, slope)
+      call observable%to_measured(modulus)
       call check_close('effective modulus', modulus(1), &
          & 1.0_wp/(1.0_wp/200.0_wp + (1.0_wp - 0.07_wp**2)/1140.0_wp), 1.0e-12_wp)
-      call check_close('and its slope', slope(1), (modulus(1)/200.0_wp)**2, 1.0e-15_wp)
       call new_observable('modulus', settings, observable, error)
       call check_refused('another kind', error, 'sample_modulus')
-   end subroutine test_error_models
+   end subroutine test_observables
+
+   !> What any kind of modulus does; `test_any_observable_has_a_column` of test_tables.py has label
+   !> and unit. It is positive and grows with the indentation modulus, by the factor and the
+   !> compliance of the type: m = a M/(1 + d M), which has the inverse M = m/(a - d m). The
+   !> derivatives that come with the moduli are multiplied by its slope. Properties that no material
+   !> has are refused.
+   subroutine test_any_observable(name, settings)
+      character(len=*), intent(in) :: name
+      type(measurements_settings_type), intent(in) :: settings
+      real(wp), parameter :: step = 1.0e-4_wp, moduli(6) = [0.01_wp, 3.0_wp, 70.0_wp, 200.0_wp, &
+         & 450.0_wp, 1200.0_wp]
+      type(observable_type) :: observable
+      type(measurements_settings_type) :: wrong
+      type(error_type), allocatable :: error
+      real(wp), dimension(6) :: values, slopes, above, below
+      character(len=:), allocatable :: title
+
+      title = 'any '//name//': '
+      call new_observable(name, settings, observable, error)
+      call check_success(title//'is known', error)
+      call check(title//'its name', observable%name == name)
+      values = moduli
+      slopes = [2.0_wp, 1.0_wp, -1.0_wp, 0.5_wp, 0.0_wp, 3.0_wp]
+      call observable%to_measured(values, slopes)
+      call check(title//'positive and growing', all(values > 0.0_wp) &
+         & .and. all(values(2:) > values(:5)))
+      call check_close(title//'its inverse', maxval(abs(values/(observable%factor &
+         & - observable%compliance*values)/moduli - 1.0_wp)), 0.0_wp, 1.0e-12_wp)
+      above = moduli*(1.0_wp + step)
+      below = moduli*(1.0_wp - step)
+      call observable%to_measured(above)
+      call observable%to_measured(below)
+      above = (above - below)/(2.0_wp*step*moduli)
+      call check_close(title//'its slope', maxval(abs(slopes - above*[2.0_wp, 1.0_wp, -1.0_wp, &
+         & 0.5_wp, 0.0_wp, 3.0_wp])), 0.0_wp, 1.0e-7_wp)
+      above = moduli
+      call observable%to_measured(above)
+      call check(title//'the same without derivatives', all(above == values))
+      wrong = settings
+      wrong%indenter_modulus_gpa = -1.0_wp
+      call new_observable(name, wrong, observable, error)
+      call check_refused(title//'a negative modulus', error, 'must be positive')
+   end subroutine test_any_observable
 
    !> A fit recovers the two clouds it is given, and the density integrates to one.
    subroutine test_mixture()

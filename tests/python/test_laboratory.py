@@ -9,7 +9,8 @@ from scipy import stats
 
 import bayesindent as bi
 from bayesindent.crystal.elasticity import halfspace_modulus, stiffness_rows
-from support.densities import Posterior
+from bayesindent.settings.problem import schema
+from support.densities import PRIOR, Posterior
 from support.diagnostics import codes
 from support.step_2_cases import crystal
 from support.tree import SOURCE
@@ -19,6 +20,13 @@ NAMES = ("C11", "C12", "C44")
 #: Titanium of the literature, GPa.
 TITANIUM = {"C11": 162.4, "C12": 92.0, "C44": 46.7, "C33": 180.7, "C13": 69.0}
 ANGLES = ("phi1_deg", "Phi_deg", "phi2_deg")
+#: What &measurements states for each nuisance: a variable that has the word 'inferred', or, of the
+#: contrast, an sd.
+INFERRED = {"contrast": {"contrast_sd": 0.2, "contrast_mean": 0.1}} | {
+    one.name: {one.name: "inferred"}
+    for one in schema()
+    if one.group == "measurements" and "'inferred'" in one.allowed
+}
 
 
 def directions(n, seed):
@@ -93,6 +101,84 @@ def test_the_density_is_that_of_the_formula(symmetry, name):
     # What `evaluate` calls the likelihood has the priors of contrast and scatter. The degree of the
     # field, and twelve directions in place of all, change M_ref by 1e-3.
     assert found[1] == pytest.approx(expected, abs=0.15)
+
+
+@pytest.mark.parametrize("stated", INFERRED)
+def test_any_nuisance(stated):
+    """What any parameter beside the constants does. It is one more coordinate, the logarithm of a
+    positive number. The density of its prior is normalised if it is normal, and constant between
+    the bounds if it is uniform; its mean and sd are the stated ones, and those of draws. At a
+    neutral value, which is 1 or 0, the likelihood is that without the parameter; elsewhere it is
+    not.
+    """
+    table = measured("cubic", COPPER, 12)
+    asked = {"surrogate": bi.Surrogate.load("halfspace"), "symmetry": "cubic"}
+    without = Posterior.of(table, **asked)
+    posterior = Posterior.of(table, **asked, **INFERRED[stated])
+    prior = Posterior.of(table, what=PRIOR, **asked, **INFERRED[stated])
+    none = Posterior.of(table, what=PRIOR, **asked)
+    assert (without.values["nuisances"], len(posterior.values["nuisances"].split())) == ("", 1)
+    ((first, second),) = posterior.values["values"]
+    normal = posterior.values["are_normal"] == "normal"
+
+    def of_prior(x):
+        points = np.column_stack([np.tile(COPPER, (len(x), 1)), x])
+        return prior.evaluate(points)[0] - none.evaluate([COPPER])[0]
+
+    mean, sd = (first, second) if normal else ((first + second) / 2, (second - first) / 12**0.5)
+    x = mean + sd * np.linspace(-8, 8, 16001)
+    density = np.exp(of_prior(x))
+    total = density.sum() * (x[1] - x[0])
+    assert total == pytest.approx(1 if normal else second - first, rel=1e-3)
+    assert (density @ x / density.sum()) == pytest.approx(mean, abs=1e-3 * sd)
+    assert density @ (x - mean) ** 2 / density.sum() == pytest.approx(sd**2, rel=2e-3)
+    draws, *_ = prior.sample("direct", samples=4000, burn_in=0, chains=2, seed=1, threads=1)
+    draws = draws[..., 3].ravel()
+    # Four standard errors.
+    assert draws.mean() == pytest.approx(mean, abs=4 * sd / np.sqrt(draws.size))
+    assert draws.std() == pytest.approx(sd, rel=4 / np.sqrt(2 * draws.size))
+    neutral, other = np.array([0.0, -30.0]), mean + sd * np.array([-1.2, 1.2])
+    values = np.concatenate([neutral, other])
+    points = np.column_stack([np.tile(COPPER, (4, 1)), values])
+    with np.errstate(invalid="ignore"):
+        effects = posterior.evaluate(points)[1] - of_prior(values)
+    effects = np.abs(effects - without.evaluate([COPPER])[1])
+    assert np.nanmin(effects[:2]) < 1e-7 and np.all(effects[2:] > 1e-3)
+
+
+def test_any_nuisances_together():
+    """Each has its own coordinate: where all others are neutral, the density is that of one alone
+    times the priors of the others.
+    """
+    table = measured("cubic", COPPER, 12)
+    asked = {"surrogate": bi.Surrogate.load("halfspace"), "symmetry": "cubic"}
+    without = Posterior.of(table, **asked).evaluate([COPPER])[0]
+    together = Posterior.of(
+        table, **asked, **{name: word for one in INFERRED.values() for name, word in one.items()}
+    )
+    names = together.values["nuisances"].split()
+    alone, values, of_prior = {}, {}, {}
+    none = Posterior.of(table, what=PRIOR, **asked).evaluate([COPPER])[0]
+    for stated in INFERRED.values():
+        one, prior = (
+            Posterior.of(table, **asked, **stated, **what) for what in ({}, {"what": PRIOR})
+        )
+        name = one.values["nuisances"]
+        first, second = one.values["values"][0]
+        middle = first if one.values["are_normal"] == "normal" else (first + second) / 2
+        points = [[*COPPER, value] for value in (0.0, -30.0, middle + 0.3)]
+        densities, priors = one.evaluate(points)[0], prior.evaluate(points)[0] - none
+        with np.errstate(invalid="ignore"):
+            neutral = np.nanargmin(np.abs(densities - priors - without)[:2])
+        alone[name] = densities[2]
+        values[name] = points[neutral][-1], points[2][-1]
+        of_prior[name] = priors[neutral]
+    assert len(names) == len(INFERRED) and set(names) == set(alone)
+    for name in names:
+        point = [values[other][other == name] for other in names]
+        others = sum(of_prior[other] for other in names if other != name)
+        found = together.evaluate([[*COPPER, *point]])[0]
+        assert found == pytest.approx(alone[name] + others, abs=1e-6), name
 
 
 def test_exact_data_have_no_laboratory_and_others_are_said_first():

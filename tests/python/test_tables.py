@@ -14,6 +14,7 @@ from bayesindent.surrogate.surrogate import places
 from support.diagnostics import codes, notes
 from support.measured_tables import read_measurements
 from support.tree import SOURCE
+from support.words import words
 
 ROWS = [(10.5, 20.25, 30.125, 210.5, 4.5), (40.0, 50.0, 60.0, 220.1, 4.25)]
 HEADER = ["phi1_deg", "Phi_deg", "phi2_deg", "indentation_modulus_gpa", "sd_gpa"]
@@ -21,7 +22,7 @@ RADIANS = [
     (*np.radians(row[:3]).tolist(), *row[3:]) for row in (*ROWS, (70.0, 80.0, 90.0, 230.0, 5.0))
 ]
 CHOICES = "allowed 'indentation_modulus', 'effective_modulus', 'sample_modulus'"
-KINDS = ("indentation_modulus", "effective_modulus", "sample_modulus")
+KINDS = tuple(words("measurements", "modulus_kind"))
 
 
 def page(delimiter=",", header=HEADER, decimal=".", end="\n", rows=ROWS):
@@ -201,6 +202,22 @@ def test_variants_that_are_read(tmp_path, name):
             bi.InputError, match=f"modulus_kind = '{other}', but the moduli are those of the column"
         ):
             read_measurements(path, "cubic", modulus_kind=other)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_any_observable_has_a_column(tmp_path, kind):
+    """The column of any kind of modulus is its name and the unit. A laboratory may write both in
+    its own way, or state the kind in place of the name.
+    """
+    path = tmp_path / "a.csv"
+    for header, stated in (
+        (f"{kind}_gpa", {}),
+        (kind.replace("_", " ").title() + " (GPa)", {}),
+        ("modulus_gpa", {"modulus_kind": kind}),
+    ):
+        path.write_text(f"phi1_deg,Phi_deg,phi2_deg,{header},sd_gpa\n1,2,3,150.5,2\n")
+        points = read_measurements(path, "cubic", **stated)
+        assert (points.modulus_kind, points.modulus_gpa.tolist()) == (kind, [150.5]), header
 
 
 @pytest.mark.parametrize("name", REFUSED)

@@ -46,7 +46,8 @@ class _Density(Held):
 
     def prepare(self, prior_only: bool = False) -> dict:
         """Set up the posterior without sampling it, or the prior alone, and return the numbers of
-        `grains` and of their `groups`.
+        `grains` and of their `groups`, the names of the `nuisances`, whether their priors
+        `are_normal` or uniform, and `values`, the means and sds or the bounds of these.
         """
         return self._call("prepare", prior_only=prior_only)
 
