@@ -118,8 +118,10 @@ contains
       !> Working coordinates, (dimension, draw), and logarithms of the weights, (draw).
       real(wp), intent(in) :: w(:, :), log_weights(:)
       !> Greatest k; and greatest weight, in mean weights, and share in all weights of one draw: the
-      !> chain stays at it for about as many proposals, and this share of its samples.
-      real(wp), parameter :: most_k = 0.7_wp, most_weight = 25.0_wp, most_share = 0.02_wp
+      !> chain stays at it for about as many proposals, and this share of its samples. Of many draws
+      !> the greatest weight may be larger, if its share is small.
+      real(wp), parameter :: most_k = 0.7_wp, most_weight = 25.0_wp, most_share = 0.02_wp, &
+         & small_share = 0.0005_wp
       real(wp), allocatable :: weights(:), squares(:)
       integer :: j, n
 
@@ -144,7 +146,7 @@ contains
          estimate%pareto_k = max(estimate%pareto_k, pareto_shape(squares))
       end do
       estimate%is_reliable = estimate%pareto_k < most_k &
-         & .and. maxval(weights) < min(most_share, most_weight/n)
+         & .and. maxval(weights) < min(most_share, max(most_weight/n, small_share))
    end function estimate_of
 
    !> Whether two estimates agree within three standard errors and these tolerances: 0.02 of the
