@@ -247,7 +247,7 @@ contains
       real(wp), allocatable, intent(out) :: directions(:, :)
       !> Divisions of a triangle's sides for the fine grid.
       integer, parameter :: divisions = 60
-      !> Angles are compared in units of 1e-12: the first of equal ones is chosen in spite of
+      !> Cosines are compared in units of 1e-12: the first of equal ones is chosen in spite of
       !> rounding errors.
       real(wp), parameter :: digits = 1.0e12_wp
       !> Points of the region, and the cosine of the angle from each to the nearest direction.

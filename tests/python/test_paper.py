@@ -162,6 +162,9 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     found = json.loads((output / "summary.json").read_text())["parameters"]
     paper = output / "paper"
     text = (paper / "methods.tex").read_text()
+    independent = "independent_draws" in json.loads((output / "summary.json").read_text())
+    assert ("independence sampler" in text) == independent
+    assert ("Markov chains whose steps" in text) != independent
     for name, item in found.items():
         assert rf"${name[0]}_{{{name[1:]}}} = {item['mean']:.1f} \pm {item['sd']:.1f}$" in text
     assert text.startswith("% The data are synthetic")

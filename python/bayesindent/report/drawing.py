@@ -89,7 +89,8 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
         for width, (section, function) in product(files, FIGURES):
             counted()
             name, in_paper = function.__name__, width == COLUMN
-            if in_paper and section in NO_PAPER:
+            for_paper = paper and section not in NO_PAPER
+            if in_paper and not for_paper:
                 continue
             with house_style(width):
                 try:
@@ -103,15 +104,15 @@ def draw_figures(results: Results, kind_of_files: str, paper: bool) -> dict[str,
                 figure = picture.figure
                 if results.synthetic and section in MEASURED:
                     stamp_synthetic(figure)
-                if in_paper:
+                if for_paper:
                     letter_panels(figure)
+                if in_paper:
                     write_csv(paper_folder / f"{name}.csv", *figure_table(picture), picture.caption)
                 for folder, kind, dots in files[width]:
                     save(figure, folder / f"{name}.{kind}", dots)
                 if not in_paper:
                     drawn[section].append(embedded(picture))
-                    if paper and section not in NO_PAPER:
-                        letter_panels(figure)
+                    if for_paper:
                         save(figure, paper_folder / f"{name}_wide.pdf", FOR_PAPERS["pdf"])
     return drawn
 
@@ -120,12 +121,15 @@ def save(figure: Figure, path: Path, dots: int) -> None:
     """Write a figure in the format of the file's name, with so many dots per inch."""
     with whole_file(path) as file:
         figure.savefig(file, format=path.suffix[1:], dpi=dots, **SAVED[path.suffix[1:]])
+    # Its other files have the same layout, which takes time.
+    figure.set_layout_engine("none")
 
 
 def embedded(picture: Picture) -> dict:
     """The PNG of a figure (base 64), its texts, and its sizes in points."""
     buffer = io.BytesIO()
     picture.figure.savefig(buffer, format="png", **SAVED["png"])
+    picture.figure.set_layout_engine("none")
     width, height = (72 * inches for inches in picture.figure.get_size_inches())
     return {
         "data": base64.b64encode(buffer.getvalue()).decode(),
