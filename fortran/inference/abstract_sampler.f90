@@ -86,8 +86,8 @@ module abstract_sampler
       subroutine run_interface(self, effort, target, stream, chain)
          import
          class(sampler_type), intent(inout) :: self
-         !> The first effort is 1. The next one, which takes more time, follows if the estimates
-         !> are not reliable. The chain of the last effort has no estimate.
+         !> The first effort is 1. The next one, which takes more time, follows if the chain has
+         !> no estimate or those of all runs disagree. The chain of the last effort has none.
          integer, intent(in) :: effort
          class(target_type), intent(in) :: target
          type(random_stream_type), intent(inout) :: stream

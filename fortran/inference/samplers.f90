@@ -157,14 +157,20 @@ contains
 
    contains
 
-      !> Run the samplers of the chains.
+      !> Run the samplers of the chains: before the last effort, only those that have no estimate
+      !> yet, unless all have one.
       subroutine run_each()
          type(random_stream_type) :: stream
+         logical :: has_estimate(n)
          integer :: i
+
+         has_estimate = [(allocated(each(i)%estimate), i=1, n)]
+         if (all(has_estimate) .or. effort == sampler%efforts) has_estimate = .false.
 
          !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) &
          !$omp & private(stream)
          do i = 1, n
+            if (has_estimate(i)) cycle
             stream = new_random_stream(settings%seed, settings%first_stream + i - 1)
             call chains%samplers(i)%run(effort, target, stream, each(i))
          end do

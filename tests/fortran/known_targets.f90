@@ -2,10 +2,10 @@
 module known_targets
    use kinds, only: wp
    use random, only: random_stream_type
-   use abstract_sampler, only: outside, target_type
+   use abstract_sampler, only: chain_type, estimate_type, outside, sampler_type, target_type
    implicit none
    private
-   public :: approximated_wavy_type, banana_type, drawn_wavy_type, wavy_type
+   public :: approximated_wavy_type, banana_type, counting_sampler_type, drawn_wavy_type, wavy_type
 
    !> x is normal within -1.5 .. 2, and y is normal about x² with sd 0.1.
    type, extends(target_type) :: banana_type
@@ -37,6 +37,13 @@ module known_targets
    contains
       procedure :: evaluate => evaluate_approximated, coarsen
    end type approximated_wavy_type
+
+   !> A sampler that counts its runs, whose estimates can be trusted from an effort on.
+   type, extends(sampler_type) :: counting_sampler_type
+      integer :: first_good_effort = 1, runs = 0
+   contains
+      procedure :: run => count_run
+   end type counting_sampler_type
 
 contains
 
@@ -126,4 +133,21 @@ contains
 
       self%is_coarse = .true.
    end subroutine coarsen
+   subroutine count_run(self, effort, target, stream, chain)
+      class(counting_sampler_type), intent(inout) :: self
+      integer, intent(in) :: effort
+      class(target_type), intent(in) :: target
+      type(random_stream_type), intent(inout) :: stream
+      type(chain_type), intent(inout) :: chain
+      type(estimate_type) :: estimate
+
+      self%runs = self%runs + 1
+      call stream%uniform(chain%acceptance)
+      chain%started = .true.
+      if (effort < self%first_good_effort) return
+      allocate (estimate%mean(target%dimension), estimate%sd(target%dimension), &
+         & estimate%mean_error(target%dimension), estimate%sd_error(target%dimension), &
+         & source=1.0_wp)
+      chain%estimate = estimate
+   end subroutine count_run
 end module known_targets

@@ -9,7 +9,8 @@ program test_inference
    use errors, only: error_type
    use student_mixture, only: draw_mixture, fit_mixture, log_mixture, mixture_type, new_mixture
    use kinds, only: pi, wp
-   use known_targets, only: approximated_wavy_type, banana_type, drawn_wavy_type, wavy_type
+   use known_targets, only: approximated_wavy_type, banana_type, counting_sampler_type, &
+      & drawn_wavy_type, wavy_type
    use observables, only: modulus_kinds, new_observable, observable_type
    use settings_schema, only: measurements_settings_type
    use random, only: new_random_stream, random_stream_type
@@ -40,6 +41,7 @@ program test_inference
       do k = 1, size(names)
          call test_any_sampler(trim(names(k)))
       end do
+      call test_efforts()
       call test_walkers()
       call test_wavy_density(6, 1000, 10000, 0.05_wp)
       ! Chains are worth 6000 independent draws along the ridge (the paper's: 400) and 13000 or more
@@ -399,6 +401,39 @@ contains
       call check_close(trim(words)//': the others', average(chains%draws(dimension, :, :)**2), &
          & 1.0_wp, 1.4_wp*tolerance)
    end subroutine test_wavy_density
+
+   !> A further effort is made by the runs that have no estimate; the last one by all.
+   subroutine test_efforts()
+      integer, parameter :: efforts = 3, never = efforts + 1
+      type(wavy_type) :: wavy
+      type(counting_sampler_type) :: sampler
+      type(counting_sampler_type) :: samplers(2)
+      type(chains_type) :: chains
+      type(error_type), allocatable :: error
+      integer :: runs(2), case
+
+      wavy%dimension = 3
+      sampler%efforts = efforts
+      do case = 1, 2
+         samplers = sampler
+         samplers(2)%first_good_effort = merge(2, never, case == 1)
+         if (allocated(chains%samplers)) deallocate (chains%samplers)
+         allocate (chains%samplers(2), source=samplers)
+         call sample_chains(wavy, sampler, run_settings_type(10, 2, 1, 3), chains, error)
+         call check_success('efforts', error)
+         select type (used => chains%samplers)
+         type is (counting_sampler_type)
+            runs = used%runs
+         end select
+         if (case == 1) then
+            call check('efforts: only the run without an estimate is repeated', all(runs == [1, 2]))
+            call check('efforts: both have estimates', allocated(chains%estimates))
+         else
+            call check('efforts: the last one is of all runs', all(runs == [2, efforts]))
+            call check('efforts: one has no estimate', .not. allocated(chains%estimates))
+         end if
+      end do
+   end subroutine test_efforts
 
    !> The Markov chains that follow independent draws: an approximation of the density, by which
    !> they walk, does not change their moments.
