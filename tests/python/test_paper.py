@@ -17,7 +17,8 @@ from bayesindent.common.progress import progress_bar
 from bayesindent.lab.tensors import matrix_of_json
 from bayesindent.program.cli import main
 from bayesindent.report import drawing
-from bayesindent.report.paper import card
+from bayesindent.report.paper import card, methods
+from bayesindent.report.results import Results
 from support.programs import HANGS_S
 from support.tree import SOURCE
 
@@ -162,9 +163,16 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     found = json.loads((output / "summary.json").read_text())["parameters"]
     paper = output / "paper"
     text = (paper / "methods.tex").read_text()
-    independent = "independent_draws" in json.loads((output / "summary.json").read_text())
-    assert ("independence sampler" in text) == independent
-    assert ("Markov chains whose steps" in text) != independent
+    assert "independence sampler" in text
+    # As the sampler was, so it is described.
+    results = Results(output)
+    for change, words in (
+        ({"independent_draws": None}, "Markov chains whose steps"),
+        ({"method": "scmh"}, "single-component Metropolis--Hastings"),
+    ):
+        results.documents["extract"] = results.documents["extract"] | change
+        described = methods(results)[0]
+        assert words in described and "independence sampler" not in described
     for name, item in found.items():
         assert rf"${name[0]}_{{{name[1:]}}} = {item['mean']:.1f} \pm {item['sd']:.1f}$" in text
     assert text.startswith("% The data are synthetic")
