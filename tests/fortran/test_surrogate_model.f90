@@ -31,6 +31,7 @@ program test_surrogate_model
    call test_grain_model('tensor', 1, 4)
    call test_theory_alone()
    call test_damages()
+   call test_many_terms()
    call finish()
 
 contains
@@ -450,6 +451,33 @@ contains
       call check_refused('a covariance that is not positive', error, 'the covariance is not one')
       call remove(path)
    end subroutine test_damages
+
+   !> A covariance of eight megabytes, as much as the stack, is read.
+   subroutine test_many_terms()
+      type(surrogate_type) :: surrogate, copy
+      type(error_type), allocatable :: error
+      integer :: i, n
+
+      surrogate = random_surrogate('paper')
+      deallocate (surrogate%basis, surrogate%covariance)
+      allocate (surrogate%basis, source=basis_of('cubic', 'tensor', 4, 20))
+      n = surrogate%basis%n_terms
+      call check('many terms', n > 1024)
+      surrogate%coefficients = [(1.0_wp/i, i=1, n)]
+      allocate (surrogate%covariance(n, n), source=0.0_wp)
+      do i = 1, n
+         surrogate%covariance(i, i) = 1.0e-4_wp/i
+      end do
+      call save_surrogate(surrogate, path, error)
+      call check_success('many terms', error)
+      call load_surrogate(path, copy, error)
+      call check_success('many terms, again', error)
+      if (.not. allocated(error)) then
+         call check('all terms', all(copy%coefficients == surrogate%coefficients) &
+            & .and. all(copy%covariance == surrogate%covariance))
+      end if
+      call remove(path)
+   end subroutine test_many_terms
 
    !> The refusal of a file with `old` replaced by `new` has both fragments.
    subroutine check_damage(whole, old, new, first, second)
