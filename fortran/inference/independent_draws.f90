@@ -30,12 +30,12 @@ contains
       type(chain_type), intent(inout) :: chain
       !> Whether there is a chain: the mixture fits well enough.
       logical, intent(out) :: is_made
-      !> Rounds of draws that improve the mixture, and of those that are proposals. A long search is
-      !> not worth its time for few samples.
+      !> Rounds of draws that improve the mixture, and of those that are proposals. A longer search
+      !> would cost more than the draws that it saves.
       integer, parameter :: least_rounds = 4, most_rounds = 12, most_finals = 3, &
-         & least_in_round = 600, most_in_round = 3000
+         & least_in_round = 600, most_in_round = 1200
       !> Effective share of the draws from which on they are proposals.
-      real(wp), parameter :: good_quality = 0.57_wp
+      real(wp), parameter :: good_quality = 0.5_wp
       type(estimate_type) :: estimate
       integer :: round, n, finals
 
