@@ -9,7 +9,7 @@ module simulation_operations
    use build_stage, only: build_stage_type
    use campaign_import, only: import_table
    use crystal_elasticity, only: rotate_stiffness, rotation_matrix
-   use diagnostics, only: diagnostic, diagnostic_type, diagnostics_text
+   use diagnostics, only: diagnostic_type, diagnostics_text
    use exchange, only: exchange_type
    use fe_element, only: brick_stress, infinite_stiffness
    use fe_indentation, only: indentation_model_type, indentation_result_type, &
@@ -272,7 +272,7 @@ contains
       case ('warn')
          !> code, subject ->
          ! Add a diagnostic of a table that was read in Python.
-         self%warnings = [self%warnings, diagnostic(x%in%text('code'), x%in%text('subject'))]
+         call self%warn(x%in%text('code'), x%in%text('subject'))
       case ('load')
          !> misread, .. -> ..
          ! Read the tables that are given as texts, and the files that the namelist names.

@@ -1,14 +1,12 @@
 !> Checks of the orientations of measurements, and warnings on what is unusual but may be intended.
 module measurement_checks
-   use crystal_class, only: crystal_class_type
-   use diagnostics, only: diagnostic, diagnostic_type
    use distinct_directions, only: all_alike, angle_between, new_region, region_type
    use errors, only: error_type, refuse
    use files, only: printable
    use kinds, only: degree, wp
    use point_tables, only: angles_look_like_radians, points_type
+   use problem, only: problem_type
    use repeated_tests, only: check_scatter
-   use settings_schema, only: settings_type
    use statistics, only: median
    use symmetric_harmonics, only: harmonics_type, new_harmonics
    implicit none
@@ -33,11 +31,8 @@ contains
    end subroutine refuse_radians
 
    !> Warn of unusual measurements, and refuse angles in radians unless the settings declare them.
-   subroutine check_measurements(settings, class, measurements, warnings, error)
-      type(settings_type), intent(in) :: settings
-      type(crystal_class_type), intent(in) :: class
-      type(points_type), intent(in) :: measurements
-      type(diagnostic_type), allocatable, intent(inout) :: warnings(:)
+   subroutine check_measurements(problem, error)
+      type(problem_type), intent(inout) :: problem
       type(error_type), allocatable, intent(out) :: error
       character(len=:), allocatable :: subject
       !> Smallest plausible standard deviation of indentation, relative to the modulus.
@@ -46,62 +41,52 @@ contains
       real(wp) :: relative_sd
 
       subject = 'the table'
-      if (allocated(settings%measurements%file)) then
-         subject = subject//' '//printable(settings%measurements%file)
-      end if
-      radians = settings%measurements%angles == 'degrees' &
-         & .and. angles_look_like_radians(measurements)
-      if (radians) call refuse_radians(measurements, error)
-      if (allocated(error)) return
-      call check_scatter(measurements, subject, warnings)
-      if (measurements%n == 1) then
-         call warn('one_grain')
-      else if (allocated(class%name) .and. .not. radians &
-         & .and. settings%measurements%orientations == 'known') then
-         call check_directions()
+      associate (stated => problem%settings%measurements, measurements => problem%data%measurements)
+         if (allocated(stated%file)) subject = subject//' '//printable(stated%file)
+         radians = stated%angles == 'degrees' .and. angles_look_like_radians(measurements)
+         if (radians) call refuse_radians(measurements, error)
          if (allocated(error)) return
-      end if
-      if (radians) call warn('angles_like_radians')
-      if (any(measurements%sd_gpa > 0.5_wp*measurements%modulus_gpa)) then
-         call warn('large_sd')
-      end if
-      if (measurements%n == 0) return
-      relative_sd = median(measurements%n, measurements%sd_gpa/measurements%modulus_gpa)
-      if (relative_sd > 0.0_wp .and. relative_sd < least_relative_sd) then
-         call warn('small_sds', 100.0_wp*[relative_sd, least_relative_sd])
-      end if
+         call check_scatter(measurements, subject, problem)
+         if (measurements%n == 1) then
+            call problem%warn('one_grain', subject)
+         else if (allocated(problem%class%name) .and. .not. radians &
+            & .and. stated%orientations == 'known') then
+            call check_directions(measurements%directions())
+            if (allocated(error)) return
+         end if
+         if (radians) call problem%warn('angles_like_radians', subject)
+         if (any(measurements%sd_gpa > 0.5_wp*measurements%modulus_gpa)) then
+            call problem%warn('large_sd', subject)
+         end if
+         if (measurements%n == 0) return
+         relative_sd = median(measurements%n, measurements%sd_gpa/measurements%modulus_gpa)
+         if (relative_sd > 0.0_wp .and. relative_sd < least_relative_sd) then
+            call problem%warn('small_sds', subject, 100.0_wp*[relative_sd, least_relative_sd])
+         end if
+      end associate
 
    contains
 
-      !> Append a diagnostic of the table.
-      subroutine warn(code, numbers)
-         !> See `diagnostics`.
-         character(len=*), intent(in) :: code
-         real(wp), intent(in), optional :: numbers(:)
-
-         warnings = [warnings, diagnostic(code, subject, numbers)]
-      end subroutine warn
-
       !> Warn if all grains have about the same direction, or if they have fewer different
       !> directions than there are combinations of the constants that indentation determines.
-      subroutine check_directions()
+      subroutine check_directions(directions)
+         !> In crystal axes, (3, n).
+         real(wp), intent(in) :: directions(:, :)
          !> Angle below which two directions count as the same.
          real(wp), parameter :: least_angle = 5.0_wp*degree
          !> Highest degree of the harmonics of a modulus, to first order in the anisotropy.
          integer, parameter :: highest_degree = 4
          type(region_type) :: region
          type(harmonics_type) :: harmonics
-         real(wp) :: directions(3, measurements%n)
-         integer :: distinct(measurements%n), n, i, j
+         integer :: distinct(size(directions, 2)), n, i, j
 
-         call new_region(class, region)
+         call new_region(problem%class, region)
          if (region%dimension == 0) return
-         directions = measurements%directions()
          if (all_alike(region, directions, least_angle)) then
-            call warn('orientations_alike')
+            call problem%warn('orientations_alike', subject)
             return
          end if
-         call new_harmonics(class%generators, highest_degree, harmonics, error)
+         call new_harmonics(problem%class%generators, highest_degree, harmonics, error)
          if (allocated(error)) return
          n = 0
          do i = 1, size(directions, 2)
@@ -113,7 +98,8 @@ contains
             distinct(n) = i
             if (n == harmonics%n) return
          end do
-         call warn('few_directions', [real(wp) :: n, harmonics%n, class%n_constants])
+         call problem%warn('few_directions', subject, &
+            & [real(wp) :: n, harmonics%n, problem%class%n_constants])
       end subroutine check_directions
    end subroutine check_measurements
 

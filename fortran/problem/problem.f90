@@ -6,7 +6,7 @@
 module problem
    use crystal_class, only: crystal_class_type, lattice_type, new_crystal_class, new_lattice
    use curve_tables, only: curve_set_type
-   use diagnostics, only: diagnostic_type
+   use diagnostics, only: diagnosed_type
    use errors, only: error_type, locate_error, refuse
    use files, only: folder_of, printable
    use kinds, only: wp
@@ -69,7 +69,7 @@ module problem
       logical :: is_of_batch = .false.
    end type run_type
 
-   type :: problem_type
+   type, extends(diagnosed_type) :: problem_type
       type(settings_type) :: settings
       !> Whether the file states &measurements sample_nu, technique and calibration_sd.
       logical :: states_nu = .false., states_technique = .false., states_calibration = .false.
@@ -77,7 +77,6 @@ module problem
       type(crystal_class_type) :: class
       type(data_type) :: data
       type(run_type) :: run
-      type(diagnostic_type), allocatable :: warnings(:)
    contains
       procedure :: locate, locate_curves, refuse => refuse_variable, refuse_table, threads
    end type problem_type

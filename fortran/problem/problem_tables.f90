@@ -1,7 +1,6 @@
 !> The tables that a namelist names, which become the data of its problem.
 module problem_tables
    use curve_tables, only: read_curves, read_tests
-   use diagnostics, only: diagnostic
    use errors, only: error_type, prefix_error, refuse
    use files, only: printable, read_text_file, resolve_path
    use kinds, only: wp
@@ -176,8 +175,8 @@ contains
             call read_file('crystals', 'points', s%crystals%points, problem%data%crystals)
             if (allocated(error)) return
             if (angles_look_like_radians(problem%data%crystals)) then
-               problem%warnings = [problem%warnings, diagnostic('angles_like_radians', &
-                  & 'the table '//printable(s%crystals%points))]
+               call problem%warn('angles_like_radians', &
+                  & 'the table '//printable(s%crystals%points))
             end if
          end if
          if (allocated(s%references%crystals)) then
@@ -296,8 +295,7 @@ contains
          end do
       end if
       problem%settings%measurements%modulus_kind = measurements%modulus_kind
-      call check_measurements(problem%settings, problem%class, problem%data%measurements, &
-         & problem%warnings, error)
+      call check_measurements(problem, error)
       call locate_table(problem, error)
       if (allocated(problem%data%velocities)) then
          call append_velocities(problem%data%measurements, problem%data%velocities)

@@ -181,23 +181,6 @@ contains
       call update_posterior_mean(build%learning%learner%design, .true., error)
    end subroutine use_all_rows
 
-   !> Compare the present choice with the rows of an interrupted batch. If the choice contains all
-   !> of these rows, it is that batch, and the build resumes. If it does not, and the choice has
-   !> rows that are missing, another &design made the batch: undo the choice and train on the rows.
-   subroutine match_interrupted(build, error)
-      class(build_type), intent(inout) :: build
-      type(error_type), allocatable, intent(out) :: error
-
-      if (all(build%rows%outcome%status /= outcome_waiting) .or. &
-         & count(build%rest%open) == count(build%rest%open(build%chosen))) then
-         call build%rest%choose(build%chosen)
-         return
-      end if
-      call undo_choice(build)
-      if (allocated(build%unseen_modulus)) deallocate (build%unseen_modulus)
-      call use_all_rows(build, error)
-   end subroutine match_interrupted
-
    !> Restore the design to its state before the present choice.
    subroutine undo_choice(build)
       class(build_type), intent(inout) :: build
@@ -222,7 +205,7 @@ contains
          if (self%phase == finished) return
          ! Missing rows of an interrupted batch get the positions that are free within it.
          call self%look_up(any(self%rest%open) .or. allocated(self%focus), error)
-         if (.not. allocated(error) .and. any(self%rest%open)) call match_interrupted(self, error)
+         if (.not. allocated(error) .and. any(self%rest%open)) call match_interrupted()
          if (allocated(error) .or. (size(self%chosen) > 0 &
             & .and. any(self%rows%outcome%status == outcome_waiting))) then
             return
@@ -308,6 +291,21 @@ contains
                & size(rows))]
          end associate
       end subroutine set_batch
+
+      !> Compare the present choice with the rows of an interrupted batch. If the choice contains
+      !> all of these rows, it is that batch, and the build resumes. If it does not, and the choice
+      !> has rows that are missing, another &design made the batch: undo the choice and train on the
+      !> rows.
+      subroutine match_interrupted()
+         if (all(self%rows%outcome%status /= outcome_waiting) .or. &
+            & count(self%rest%open) == count(self%rest%open(self%chosen))) then
+            call self%rest%choose(self%chosen)
+            return
+         end if
+         call undo_choice(self)
+         if (allocated(self%unseen_modulus)) deallocate (self%unseen_modulus)
+         call use_all_rows(self, error)
+      end subroutine match_interrupted
    end subroutine choose
 
    !> Begin a round at the posterior, whose crystals are the new candidates and define the domain;

@@ -75,7 +75,7 @@ contains
                & [sum(abs(theory - known%modulus))/learning%n(), ratio, &
                & sum(abs(ratio*theory - known%modulus))/learning%n()], 'baselines')
          end associate
-         call put_domain(page, self, surrogate, error)
+         call put_domain()
          if (allocated(error)) return
          if (allocated(self%focus)) call put_focus()
          call page%begin_array('history')
@@ -126,6 +126,28 @@ contains
          end do
          call page%end_array()
       end subroutine put_focus
+
+      !> Write the sd of the predictions at the candidates, which sample the domain.
+      subroutine put_domain()
+         real(wp), dimension(size(self%candidates%euler_deg, 2)) :: relative_sd, modulus, sd
+         character(len=:), allocatable :: where
+
+         where = 'in the domain'
+         if (allocated(self%focus)) where = 'at the posterior'
+         associate (domain => surrogate%basis%domain, candidates => self%candidates)
+            call predict_crystals(surrogate, domain%class%stiffnesses(candidates%constants), &
+               & degree*candidates%euler_deg, 1, modulus, sd, error)
+            if (allocated(error)) return
+            relative_sd = sd/modulus
+            call page%begin_object('domain')
+            call page%put_numbers('mean_relative_sd, largest_relative_sd', &
+               & [sum(relative_sd)/size(relative_sd), maxval(relative_sd)])
+            call page%put('words', 'the sd of a modulus '//where//' is ' &
+               & //to_text(100.0_wp*sum(relative_sd)/size(relative_sd), 2)//' % on average, ' &
+               & //to_text(100.0_wp*maxval(relative_sd), 2)//' % at most')
+            call page%end_object()
+         end associate
+      end subroutine put_domain
    end subroutine finish
 
    !> The origin of the surrogate, which its file contains: a JSON object.
@@ -162,32 +184,6 @@ contains
       call page%put_numbers('alpha, beta, fall, log_evidence, norm, angle_deg', [state%alpha, &
          & state%beta, state%decay_rate, state%log_evidence, state%norm, state%angle_deg])
    end subroutine put_state
-
-   !> Write the sd of the predictions at the candidates, which sample the domain.
-   subroutine put_domain(page, build, surrogate, error)
-      type(json_type), intent(inout) :: page
-      class(build_type), intent(in) :: build
-      type(surrogate_type), intent(in) :: surrogate
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), dimension(size(build%candidates%euler_deg, 2)) :: relative_sd, modulus, sd
-      character(len=:), allocatable :: where
-
-      where = 'in the domain'
-      if (allocated(build%focus)) where = 'at the posterior'
-      associate (domain => surrogate%basis%domain, candidates => build%candidates)
-         call predict_crystals(surrogate, domain%class%stiffnesses(candidates%constants), &
-            & degree*candidates%euler_deg, 1, modulus, sd, error)
-         if (allocated(error)) return
-         relative_sd = sd/modulus
-         call page%begin_object('domain')
-         call page%put_numbers('mean_relative_sd, largest_relative_sd', &
-            & [sum(relative_sd)/size(relative_sd), maxval(relative_sd)])
-         call page%put('words', 'the sd of a modulus '//where//' is ' &
-            & //to_text(100.0_wp*sum(relative_sd)/size(relative_sd), 2)//' % on average, ' &
-            & //to_text(100.0_wp*maxval(relative_sd), 2)//' % at most')
-         call page%end_object()
-      end associate
-   end subroutine put_domain
 
    !> Write the evidence and the leave-one-out errors of other truncations for increasing numbers of
    !> simulations (Figs. 1 and 6).

@@ -160,9 +160,9 @@ contains
       class(curves_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
-      integer :: i
+      integer :: i, step
 
-      call iterate(self, error)
+      call iterate()
       if (allocated(error)) return
       associate (set => self%problem%data%curves, tests => self%found%tests)
          do i = 1, size(tests)
@@ -179,52 +179,50 @@ contains
          self%done = to_text(count(tests%used))//' of '//to_text(size(tests)) &
             & //' tests: '//self%output//'/measurements.csv'
       end associate
-   end subroutine finish
-
-   !> Alternate between the moduli of the tests for fixed shared unknowns and the posterior of the
-   !> shared unknowns, until the shared unknowns have converged.
-   subroutine iterate(self, error)
-      class(curves_stage_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: most_steps = 8, fewest_steps = 3
-      !> Largest change of a shared unknown at convergence, in units of its posterior sd.
-      real(wp), parameter :: converged = 0.05_wp
-      !> Prior sd of the depth at which a test begins, nm.
-      real(wp), parameter :: zero_sd = 1.0e4_wp
-      real(wp) :: before(n_shared)
-      integer :: i, step
-
-      associate (asked => self%problem%settings%curves, s => self%found, tests => self%found%tests)
-         s%mean = s%prior_mean
-         do step = 1, most_steps
-            !$omp parallel do schedule(dynamic) &
-            !$omp & num_threads(self%problem%threads())
-            do i = 1, size(tests)
-               if (tests(i)%used) then
-                  call score_test(tests(i), s%mean(:n_shared), [s%prior_sd(:n_shared), zero_sd, &
-                     & asked%drift_sd_nm_s, asked%load_sd_mn, asked%transient_sd_nm], &
-                     & asked%transient_s)
-               end if
-            end do
-            call compare_tests()
-            if (.not. any(tests%used)) then
-               call refuse(error, 'no test has an elastic part; test ' &
-                  & //self%problem%data%curves%curves(1)%name//': '//tests(1)%reason &
-                  & //'. Loads in mN and depths in nm are needed')
-               call self%problem%locate_curves(error)
-            end if
-            if (allocated(error)) return
-            before = s%mean(:n_shared)
-            call s%infer_shared(error)
-            if (allocated(error)) return
-            if (step >= fewest_steps .and. all(abs(s%mean(:n_shared) - before) &
-               & < [(converged*sqrt(s%covariance(i, i)), i=1, n_shared)])) then
-               exit
-            end if
-         end do
-      end associate
 
    contains
+
+      !> Alternate between the moduli of the tests for fixed shared unknowns and the posterior of
+      !> the shared unknowns, until the shared unknowns have converged.
+      subroutine iterate()
+         integer, parameter :: most_steps = 8, fewest_steps = 3
+         !> Largest change of a shared unknown at convergence, in units of its posterior sd.
+         real(wp), parameter :: converged = 0.05_wp
+         !> Prior sd of the depth at which a test begins, nm.
+         real(wp), parameter :: zero_sd = 1.0e4_wp
+         real(wp) :: before(n_shared)
+
+         associate (asked => self%problem%settings%curves, s => self%found, &
+            & tests => self%found%tests)
+            s%mean = s%prior_mean
+            do step = 1, most_steps
+               !$omp parallel do schedule(dynamic) &
+               !$omp & num_threads(self%problem%threads())
+               do i = 1, size(tests)
+                  if (tests(i)%used) then
+                     call score_test(tests(i), s%mean(:n_shared), [s%prior_sd(:n_shared), zero_sd, &
+                        & asked%drift_sd_nm_s, asked%load_sd_mn, asked%transient_sd_nm], &
+                        & asked%transient_s)
+                  end if
+               end do
+               call compare_tests()
+               if (.not. any(tests%used)) then
+                  call refuse(error, 'no test has an elastic part; test ' &
+                     & //self%problem%data%curves%curves(1)%name//': '//tests(1)%reason &
+                     & //'. Loads in mN and depths in nm are needed')
+                  call self%problem%locate_curves(error)
+               end if
+               if (allocated(error)) return
+               before = s%mean(:n_shared)
+               call s%infer_shared(error)
+               if (allocated(error)) return
+               if (step >= fewest_steps .and. all(abs(s%mean(:n_shared) - before) &
+                  & < [(converged*sqrt(s%covariance(i, i)), i=1, n_shared)])) then
+                  exit
+               end if
+            end do
+         end associate
+      end subroutine iterate
 
       !> Compare the tests of each material with their median. The prior of a grain's modulus is
       !> centred on it. From the second step on, tests that are far from it are left out.
@@ -255,7 +253,7 @@ contains
             end do
          end associate
       end subroutine compare_tests
-   end subroutine iterate
+   end subroutine finish
 
    !> Refuse references that were measured with another tip. Warn if no reference was measured.
    subroutine check_references(self, error)
@@ -292,5 +290,4 @@ contains
          end if
       end associate
    end subroutine check_references
-
 end module curves_stage

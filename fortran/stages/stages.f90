@@ -92,24 +92,25 @@ contains
       type(plan_stage_type) :: plan
       type(simulator_type) :: simulator
 
-      if (any(problem%run%stages == 'build')) then
-         call check_build(problem, error, places%output(:len(places%output) - 1))
-      else if (problem%settings%specimen%geometry == film_name) then
-         ! The stage itself trains the correction.
-         if (allocated(problem%data%measurements)) call check_focus(problem, error)
-      else
-         if (any(problem%run%stages == 'plan')) call plan%open(problem, places, error)
-         if (allocated(error)) return
-         if (all(problem%run%stages /= 'curves') &
-            & .and. any(problem%run%stages == 'extract' .or. problem%run%stages == 'next')) then
-            call extract%open(problem, places, error)
+      associate (stages => problem%run%stages)
+         if (any(stages == 'build')) then
+            call check_build(problem, error, places%output(:len(places%output) - 1))
+         else if (problem%settings%specimen%geometry == film_name) then
+            ! The stage itself trains the correction.
+            if (allocated(problem%data%measurements)) call check_focus(problem, error)
+         else
+            if (any(stages == 'plan')) call plan%open(problem, places, error)
+            if (allocated(error)) return
+            if (all(stages /= 'curves') .and. any(stages == 'extract' .or. stages == 'next')) then
+               call extract%open(problem, places, error)
+            end if
          end if
-      end if
-      if (allocated(error) .or. .not. completely &
-         & .or. problem%settings%simulation%simulator /= 'fe') then
-         return
-      end if
-      if (.not. any(problem%run%stages == 'simulate' .or. problem%run%stages == 'build')) return
+         if (allocated(error) .or. .not. completely &
+            & .or. problem%settings%simulation%simulator /= 'fe') then
+            return
+         end if
+         if (.not. any(stages == 'simulate' .or. stages == 'build')) return
+      end associate
       call new_simulator(problem%settings, simulator, error)
       call problem%locate('simulation', '', error)
    end subroutine check_stages
@@ -211,17 +212,17 @@ contains
       !> Texts of tables, see `load_tables`.
       type(named_values_reader_type), intent(inout) :: given
       type(error_type), allocatable, intent(out) :: error
+      character(len=8), allocatable :: stages(:)
       logical :: has_theory
 
       call load_tables(self, given, error)
       if (allocated(error)) return
+      stages = self%run%stages
       has_theory = self%settings%specimen%geometry == film_name
       if (has_theory) then
          call check_film(self, error)
-         if (self%run%command == 'run') then
-            self%run%stages = pack(self%run%stages, self%run%stages /= 'simulate')
-         end if
-         if (any(self%run%stages == 'simulate') .and. .not. allocated(error)) then
+         if (self%run%command == 'run') stages = pack(stages, stages /= 'simulate')
+         if (any(stages == 'simulate') .and. .not. allocated(error)) then
             call self%refuse('specimen', 'geometry', 'a film needs no simulations; use the ' &
                & //'command theory', error)
          end if
@@ -234,41 +235,37 @@ contains
          if (self%run%command == 'run') then
             ! `run` leaves out the theory if it does not exist for the specimen. The command
             ! `theory` is refused.
-            if (.not. has_theory) then
-               self%run%stages = pack(self%run%stages, self%run%stages /= 'theory')
-            end if
+            if (.not. has_theory) stages = pack(stages, stages /= 'theory')
             ! A plan may state errors of measurements that are still to be made.
             if (settings%plan%given .and. .not. (settings%curves%given &
                & .or. allocated(settings%measurements%file) &
                & .or. allocated(settings%measurements%velocities))) then
-               self%run%stages = pack(self%run%stages, self%run%stages /= 'extract')
+               stages = pack(stages, stages /= 'extract')
             end if
          end if
-         if (.not. has_theory .and. (any(self%run%stages == 'theory') &
+         if (.not. has_theory .and. (any(stages == 'theory') &
             & .or. settings%simulation%simulator == 'theory')) then
             call self%refuse('specimen', 'geometry', ''''//settings%specimen%geometry &
                & //''' has no exact theory; allowed ''halfspace'', ''film''', error)
-         else if (settings%simulation%simulator == 'import' &
-            & .and. any(self%run%stages == 'simulate')) then
+         else if (settings%simulation%simulator == 'import' .and. any(stages == 'simulate')) then
             call self%refuse('simulation', 'simulator', &
                & '''import'' cannot indent the &crystals; allowed ''fe'', ''theory''', error)
          else if (settings%measurements%orientations == 'unknown' &
-            & .and. any(self%run%stages == 'next' .or. self%run%stages == 'plan' &
-            & .or. self%run%stages == 'tensor')) then
+            & .and. any(stages == 'next' .or. stages == 'plan' .or. stages == 'tensor')) then
             call self%refuse('measurements', 'orientations', '''unknown'' cannot be combined ' &
                & //'with next, plan or tensor, which compare orientations; remove one of ' &
                & //'them', error)
-         else if (any(self%run%stages == 'build')) then
+         else if (any(stages == 'build')) then
             call check_build(self, error)
          end if
       end associate
       if (allocated(error)) return
-      if (any(self%run%stages == 'extract' .or. self%run%stages == 'next' &
-         & .or. self%run%stages == 'tensor')) then
+      self%run%stages = stages
+      if (any(stages == 'extract' .or. stages == 'next' .or. stages == 'tensor')) then
          call check_step_2(self, error)
       end if
       if (allocated(error)) return
-      if (any(self%run%stages == 'next')) call check_target(self, error)
+      if (any(stages == 'next')) call check_target(self, error)
       if (allocated(error)) return
       if (allocated(self%data%candidates)) call question_candidates(self, error)
    end subroutine load_problem

@@ -55,10 +55,10 @@ contains
       allocate (set%curves(set%tests%rows))
       do i = 1, size(set%curves)
          associate (c => set%curves(i))
-            c%name = text_of(i, column(1))
-            c%material = text_of(i, column(2))
-            reference = text_of(i, column(3))
-            c%session = text_of(i, column(4))
+            c%name = set%tests%cell(column(1), i)
+            c%material = set%tests%cell(column(2), i)
+            reference = set%tests%cell(column(3), i)
+            c%session = set%tests%cell(column(4), i)
             c%reference = len(reference) > 0
             place = 'line '//to_text(set%tests%line(i))//': test '//printable(c%name)
             if (c%reference .eqv. len(c%material) > 0) then
@@ -74,17 +74,6 @@ contains
       end do
       call read_column(set%tests, 'drift_nm_s', .true., drift, error)
       if (.not. allocated(error)) set%curves%drift = merge(drift, 0.0_wp, abs(drift) >= 0.0_wp)
-
-   contains
-
-      !> The text of a cell of the table of tests; '' if the column is 0.
-      function text_of(row, column)
-         integer, intent(in) :: row, column
-         character(len=:), allocatable :: text_of
-
-         text_of = ''
-         if (column > 0) text_of = set%tests%cell(column, row)
-      end function text_of
    end subroutine read_tests
 
    !> Read the curves of tests that are known.

@@ -47,7 +47,7 @@ contains
             if (.not. (i == table%rows .and. table%is_empty(thickness, i))) call add_thickness()
             if (allocated(error)) return
             if (table%cell(name, i) /= 'crystal') then
-               call read_stiffness(table, i, self%stiffness(:, :, i), error)
+               call read_stiffness()
                call prefix_error(error, 'line '//to_text(table%line(i))//': ')
             else if (self%crystal > 0) then
                call table%refuse(name, i, ' is there twice; one layer is indented', error)
@@ -79,64 +79,54 @@ contains
          end if
          self%thickness = [self%thickness, value]
       end subroutine add_thickness
-   end subroutine read_layers
 
-   !> Read the stiffness of a row, GPa.
-   subroutine read_stiffness(table, row, stiffness, error)
-      type(table_type), intent(in) :: table
-      integer, intent(in) :: row
-      real(wp), intent(out) :: stiffness(6, 6)
-      type(error_type), allocatable, intent(out) :: error
-      type(crystal_class_type) :: class
-      real(wp), allocatable :: constants(:)
-      real(wp) :: young, nu, euler_deg(3)
-      integer :: symmetry, i
+      !> Read the stiffness of row i, GPa.
+      subroutine read_stiffness()
+         type(crystal_class_type) :: class
+         real(wp), allocatable :: constants(:)
+         real(wp) :: young, nu, euler_deg(3)
+         integer :: symmetry, k
 
-      stiffness = 0.0_wp
-      symmetry = table%find('symmetry')
-      if (symmetry > 0) then
-         if (table%is_empty(symmetry, row)) symmetry = 0
-      end if
-      if (symmetry == 0) then
-         call read_cell('young_gpa', young)
-         call read_cell('nu', nu)
-         if (allocated(error)) return
-         if (.not. (young > 0.0_wp .and. nu > -1.0_wp .and. nu < 0.5_wp)) then
-            call refuse(error, 'young_gpa = '//to_text(young)//' and nu = '//to_text(nu) &
-               & //'; allowed above 0 GPa, and above -1 to below 0.5')
+         symmetry = self%table%find('symmetry')
+         if (self%table%is_empty(symmetry, i)) then
+            call read_cell('young_gpa', young)
+            call read_cell('nu', nu)
+            if (allocated(error)) return
+            if (.not. (young > 0.0_wp .and. nu > -1.0_wp .and. nu < 0.5_wp)) then
+               call refuse(error, 'young_gpa = '//to_text(young)//' and nu = '//to_text(nu) &
+                  & //'; allowed above 0 GPa, and above -1 to below 0.5')
+               return
+            end if
+            self%stiffness(:, :, i) = isotropic_stiffness(young, nu)
             return
          end if
-         stiffness = isotropic_stiffness(young, nu)
-         return
-      end if
-      call new_crystal_class(table%cell(symmetry, row), class, error)
-      if (allocated(error)) return
-      allocate (constants(class%n_constants))
-      do i = 1, size(constants)
-         call read_cell(class%constants(i), constants(i))
-      end do
-      do i = 1, size(angle_columns)
-         euler_deg(i) = 0.0_wp
-         if (table%find(trim(angle_columns(i)%name)) > 0) then
-            call read_cell(trim(angle_columns(i)%name), euler_deg(i))
-         end if
-      end do
-      if (allocated(error)) return
-      stiffness = class%stiffness(constants)
-      call check_stiffness(stiffness, error)
-      stiffness = rotate_stiffness(stiffness, rotation_matrix(degree*euler_deg))
+         call new_crystal_class(self%table%cell(symmetry, i), class, error)
+         if (allocated(error)) return
+         allocate (constants(class%n_constants))
+         do k = 1, size(constants)
+            call read_cell(class%constants(k), constants(k))
+         end do
+         do k = 1, size(angle_columns)
+            euler_deg(k) = 0.0_wp
+            if (self%table%find(trim(angle_columns(k)%name)) > 0) then
+               call read_cell(trim(angle_columns(k)%name), euler_deg(k))
+            end if
+         end do
+         if (allocated(error)) return
+         call check_stiffness(class%stiffness(constants), error)
+         self%stiffness(:, :, i) = rotate_stiffness(class%stiffness(constants), &
+            & rotation_matrix(degree*euler_deg))
+      end subroutine read_stiffness
 
-   contains
-
-      !> Read the number of a column.
+      !> Read the number of a column in row i.
       subroutine read_cell(name, value)
          character(len=*), intent(in) :: name
          real(wp), intent(out) :: value
          integer :: column
 
          value = 0.0_wp
-         call find_column(table, name, column, error, .true.)
-         if (column > 0) call table%number(column, row, value, error)
+         call find_column(self%table, name, column, error, .true.)
+         if (column > 0) call self%table%number(column, i, value, error)
       end subroutine read_cell
-   end subroutine read_stiffness
+   end subroutine read_layers
 end module layer_table

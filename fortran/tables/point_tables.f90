@@ -77,12 +77,14 @@ contains
       type(crystal_class_type), intent(in) :: default_class
       type(points_type), intent(out) :: points
       type(error_type), allocatable, intent(out) :: error
+      !> The class whose constants are all entries, and their columns.
+      type(crystal_class_type) :: general
+      integer :: column(21), along_column, i
       real(wp), allocatable :: along(:)
-      integer :: along_column, i
 
       call read_table(path, points%table, error)
       call read_angles(points, .false., error)
-      if (.not. allocated(error)) call read_constants(points, default_class, error)
+      if (.not. allocated(error)) call read_constants()
       call read_column(points%table, trim(merge('modulus_gpa            ', &
          & 'indentation_modulus_gpa', points%table%find('modulus_gpa') > 0)), .true., &
          & points%modulus_gpa, error)
@@ -90,40 +92,30 @@ contains
       call read_column(points%table, 'propagation_deg', along_column == 0, along, error)
       if (allocated(error) .or. along_column == 0) return
       points%paths = [(path_type(surface_path, along(i)), i=1, points%n)]
-   end subroutine read_crystals
-
-   !> Read the independent constants of each row, and set the stiffness.
-   subroutine read_constants(points, default_class, error)
-      type(points_type), intent(inout) :: points
-      type(crystal_class_type), intent(in) :: default_class
-      type(error_type), allocatable, intent(out) :: error
-      !> The class whose constants are all entries, and their columns.
-      type(crystal_class_type) :: general
-      integer :: column(21)
-      real(wp), allocatable :: values(:)
-      integer :: i, j
-
-      call new_crystal_class(general_class, general, error)
-      if (allocated(error)) return
-      allocate (points%constants(21, points%n))
-      allocate (points%stiffness(6, 6, points%n))
-      do j = 1, 21
-         call find_column(points%table, general%constants(j), column(j), error, .false.)
-         call read_numbers(points%table, column(j), constant_column, .true., values, error)
-         points%constants(j, :) = values
-      end do
-      if (.not. allocated(error)) call read_classes()
-      if (allocated(error)) return
-      do i = 1, points%n
-         call take_constants(i)
-         if (allocated(error)) return
-      end do
 
    contains
 
+      !> Read the independent constants of each row, and set the stiffness.
+      subroutine read_constants()
+         real(wp), allocatable :: values(:)
+
+         call new_crystal_class(general_class, general, error)
+         if (allocated(error)) return
+         allocate (points%constants(21, points%n), points%stiffness(6, 6, points%n))
+         do i = 1, 21
+            call find_column(points%table, general%constants(i), column(i), error, .false.)
+            call read_numbers(points%table, column(i), constant_column, .true., values, error)
+            points%constants(i, :) = values
+         end do
+         if (.not. allocated(error)) call read_classes()
+         do i = 1, points%n
+            if (allocated(error)) return
+            call take_constants()
+         end do
+      end subroutine read_constants
+
       !> Take the constants of the class from the entries of row i, and set the stiffness.
-      subroutine take_constants(i)
-         integer, intent(in) :: i
+      subroutine take_constants()
          real(wp) :: entries(21), implied(21), unit, beyond
          integer :: j, k
 
@@ -173,7 +165,7 @@ contains
          type(crystal_class_type) :: class
          integer, allocatable :: first(:)
          character(len=:), allocatable :: cell
-         integer :: named, i, j
+         integer :: named, j
 
          named = points%table%find('symmetry')
          first = first_rows(points%table, named)
@@ -183,8 +175,7 @@ contains
                points%class(i) = points%class(first(i))
                cycle
             end if
-            cell = ''
-            if (named > 0) cell = points%table%cell(named, i)
+            cell = points%table%cell(named, i)
             class = default_class
             ! A table of all 21 constants without a class has triclinic crystals.
             if (all(column > 0) .and. named == 0) class = general
@@ -204,7 +195,7 @@ contains
             points%class(i) = merge(size(points%classes), j, j == 0)
          end do
       end subroutine read_classes
-   end subroutine read_constants
+   end subroutine read_crystals
 
    !> The name of point `i`, or its number.
    function name(self, i)
@@ -323,7 +314,6 @@ contains
       integer :: column, i
 
       column = table%find('reference')
-      if (column == 0) return
       is_reference = [(.not. table%is_empty(column, i), i=1, table%rows)]
       if (.not. any(is_reference) .or. all(is_reference)) return
       allocate (references)

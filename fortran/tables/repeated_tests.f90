@@ -5,7 +5,7 @@
 !> has one degree of freedom less than there are tests.
 module repeated_tests
    use crystal_class, only: crystal_class_type
-   use diagnostics, only: diagnostic, diagnostic_type
+   use diagnostics, only: diagnosed_type
    use distinct_directions, only: angle_between, new_region, region_type
    use errors, only: error_type, refuse
    use files, only: printable
@@ -180,11 +180,11 @@ contains
 
    !> Warn of tests that scatter more or less than their stated sds: all together, and in single
    !> grains.
-   subroutine check_scatter(points, subject, warnings)
+   subroutine check_scatter(points, subject, found)
       type(points_type), intent(in) :: points
       !> Subject of the diagnostics.
       character(len=*), intent(in) :: subject
-      type(diagnostic_type), allocatable, intent(inout) :: warnings(:)
+      class(diagnosed_type), intent(inout) :: found
       real(wp) :: above
       integer :: freedom, i, repeated
 
@@ -193,20 +193,17 @@ contains
       repeated = count(points%tests > 1)
       above = chi_square_above(sum(points%chi_square), freedom)
       if (above < improbable) then
-         warnings = [warnings, &
-            & diagnostic('tests_scatter_more', subject, excess(sum(points%chi_square), freedom))]
+         call found%warn('tests_scatter_more', subject, excess(sum(points%chi_square), freedom))
       else if (above > 1.0_wp - improbable) then
-         warnings = [warnings, &
-            & diagnostic('tests_scatter_less', subject, excess(sum(points%chi_square), freedom))]
+         call found%warn('tests_scatter_less', subject, excess(sum(points%chi_square), freedom))
       end if
       do i = 1, points%n
          if (points%tests(i) < 2) cycle
          if (chi_square_above(points%chi_square(i), points%tests(i) - 1) > improbable/repeated) then
             cycle
          end if
-         warnings = [warnings, diagnostic('tests_disagree', subject//': grain ' &
-            & //printable(points%name(i)), [real(points%tests(i), wp), &
-            & excess(points%chi_square(i), points%tests(i) - 1)])]
+         call found%warn('tests_disagree', subject//': grain '//printable(points%name(i)), &
+            & [real(points%tests(i), wp), excess(points%chi_square(i), points%tests(i) - 1)])
       end do
    end subroutine check_scatter
 

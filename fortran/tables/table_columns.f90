@@ -97,7 +97,7 @@ contains
          known%units = ' gpa '
       end if
       if (column == 0 .and. len_trim(known%others) > 0) then
-         allocate (others, source=split_list(known%others))
+         others = split_list(known%others)
          do j = 1, table%columns
             call split_name(table%name(j))
             if (all(others /= word)) cycle
@@ -221,10 +221,8 @@ contains
       character(len=:), allocatable, intent(out) :: name, kind
       type(error_type), allocatable, intent(out) :: error
       character(len=longest_name), allocatable :: found(:)
-      character(len=:), allocatable :: choices
       integer :: i
 
-      choices = ''''//join(modulus_kinds, ''', ''')//''''
       found = pack(modulus_names, &
          & [(table%find(trim(modulus_names(i))) > 0, i=1, size(modulus_names))])
       if (size(found) /= 1) then
@@ -238,8 +236,9 @@ contains
       kind = name(:index(name, '_gpa') - 1)
       if (kind == 'modulus' .and. .not. allocated(stated)) then
          call refuse(error, 'the column modulus_gpa does not say which modulus was measured, nor ' &
-            & //'does modulus_kind; allowed '//choices//' (effective_modulus: reduced modulus, ' &
-            & //'Er; sample_modulus: EIT, Young''s modulus)')
+            & //'does modulus_kind; allowed '''//join(modulus_kinds, ''', ''') &
+            & //''' (effective_modulus: reduced modulus, Er; sample_modulus: EIT, Young''s ' &
+            & //'modulus)')
          return
       end if
       if (.not. allocated(stated)) return

@@ -204,13 +204,15 @@ contains
       end do
    end subroutine check_header
 
-   !> The text of the cell in a `column` and `row`.
+   !> The text of the cell in a `column` and `row`; '' if the column is 0.
    pure function cell(self, column, row) result(string)
       class(table_type), intent(in) :: self
       !> From 1; row 0 is the header.
       integer, intent(in) :: column, row
       character(len=:), allocatable :: string
 
+      string = ''
+      if (column == 0) return
       string = self%buffer(self%bounds(1, column, row):self%bounds(2, column, row))
    end function cell
 
@@ -220,7 +222,7 @@ contains
       !> As of `cell`.
       integer, intent(in) :: column, row
 
-      is_empty = self%bounds(2, column, row) < self%bounds(1, column, row)
+      is_empty = len(self%cell(column, row)) == 0
    end function is_empty
 
    !> The name of a `column`.
@@ -271,8 +273,7 @@ contains
       type(error_type), allocatable, intent(inout) :: error
       integer :: outcome
 
-      call read_real(self%buffer(self%bounds(1, column, row):self%bounds(2, column, row)), &
-         & value, outcome)
+      call read_real(self%cell(column, row), value, outcome)
       if (outcome == number_ok .or. allocated(error)) return
       if (self%is_empty(column, row)) then
          call refuse(error, self%place(column, row)//'the cell is empty; a number is needed')
@@ -348,7 +349,7 @@ contains
       logical :: kept(table%columns)
       integer :: i, j
 
-      allocate (added, source=split_list(names))
+      added = split_list(names)
       kept = [(all(added /= table%name(j)), j=1, table%columns)]
       call file%begin(path)
       do i = 0, table%rows

@@ -5,7 +5,6 @@ module build_checks
    use abstract_basis, only: basis_type
    use bases, only: new_basis
    use crystal_class, only: general_class
-   use diagnostics, only: diagnostic
    use errors, only: error_type, exit_bad_input, refuse
    use files, only: printable
    use kinds, only: wp
@@ -104,9 +103,9 @@ contains
       outside = count([(.not. domain%admits(self%data%candidates%stiffness(:, :, i)), i=1, &
          & self%data%candidates%n)])
       if (outside > 0) then
-         self%warnings = [self%warnings, diagnostic('candidates_left_out', &
+         call self%warn('candidates_left_out', &
             & 'the table '//printable(self%settings%design%candidates), &
-            & [real(wp) :: outside, self%data%candidates%n])]
+            & [real(wp) :: outside, self%data%candidates%n])
       end if
    end subroutine question_candidates
 
@@ -218,7 +217,7 @@ contains
       character(len=len(text)), allocatable :: items(:)
       integer :: i, status
 
-      allocate (items, source=split_list(text))
+      items = split_list(text)
       allocate (list(size(items)))
       do i = 1, size(items)
          call read_integer(trim(items(i)), list(i), status)
