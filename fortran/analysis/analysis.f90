@@ -107,7 +107,7 @@ contains
       prior = self%posterior
       prior%prior_only = .true.
       start = omp_get_wtime()
-      call sample_with_theory(self, error)
+      call sample_with_theory()
       if (allocated(error)) return
       self%seconds = omp_get_wtime() - start
       call sample_aside(self%problem, prior, prior_run, self%prior_chains, error)
@@ -166,43 +166,41 @@ contains
          allocate (self%theory_mean(n), self%theory_sd(n))
          call moments(draws(:n, :), self%theory_mean, self%theory_sd)
       end subroutine compare_theory
+
+      !> Sample the posterior. If the surrogate has the half-space theory, harmonics represent it up
+      !> to a degree with a negligible error: draws of a short run determine the degree, and the
+      !> draws of the chains check it.
+      subroutine sample_with_theory()
+         integer, parameter :: checked_draws = 500, most_attempts = 6
+         real(wp), allocatable :: test_draws(:, :), new_draws(:, :)
+         integer :: attempt, threads
+         logical :: is_hopeless
+
+         threads = self%problem%threads()
+         if (.not. self%posterior%grains%has_theory) then
+            call sample_posterior(self%problem, self%posterior, self%chains, error)
+            return
+         end if
+         call sample_aside(self%problem, self%posterior, pilot_run, self%chains, error)
+         if (allocated(error)) return
+         test_draws = flattened(self%chains%draws)
+         do attempt = 1, most_attempts
+            call choose_field_degree(self%posterior, test_draws, threads, error, is_hopeless)
+            if (allocated(error)) return
+            call sample_posterior(self%problem, self%posterior, self%chains, error)
+            if (allocated(error)) return
+            new_draws = thinned(self%chains%draws, checked_draws)
+            call find_field_error(self%posterior, new_draws, threads, self%field_error, error)
+            if (allocated(error)) return
+            if (self%field_error < allowed_error .or. is_hopeless) exit
+            ! Chains with too low a degree go astray, and the next ones may not return to the
+            ! earlier draws. The degree must therefore suffice for both.
+            test_draws = reshape([test_draws, new_draws], &
+               & [size(test_draws, 1), size(test_draws, 2) + size(new_draws, 2)])
+         end do
+         self%field_degree = self%posterior%grains%field_degree
+      end subroutine sample_with_theory
    end subroutine infer
-
-   !> Sample the posterior. If the surrogate has the half-space theory, harmonics represent it up to
-   !> a degree with a negligible error: draws of a short run determine the degree, and the draws of
-   !> the chains check it.
-   subroutine sample_with_theory(self, error)
-      class(analysis_type), intent(inout) :: self
-      type(error_type), allocatable, intent(out) :: error
-      integer, parameter :: checked_draws = 500, most_attempts = 6
-      real(wp), allocatable :: test_draws(:, :), new_draws(:, :)
-      integer :: attempt, threads
-      logical :: is_hopeless
-
-      threads = self%problem%threads()
-      if (.not. self%posterior%grains%has_theory) then
-         call sample_posterior(self%problem, self%posterior, self%chains, error)
-         return
-      end if
-      call sample_aside(self%problem, self%posterior, pilot_run, self%chains, error)
-      if (allocated(error)) return
-      test_draws = flattened(self%chains%draws)
-      do attempt = 1, most_attempts
-         call choose_field_degree(self%posterior, test_draws, threads, error, is_hopeless)
-         if (allocated(error)) return
-         call sample_posterior(self%problem, self%posterior, self%chains, error)
-         if (allocated(error)) return
-         new_draws = thinned(self%chains%draws, checked_draws)
-         call find_field_error(self%posterior, new_draws, threads, self%field_error, error)
-         if (allocated(error)) return
-         if (self%field_error < allowed_error .or. is_hopeless) exit
-         ! Chains with too low a degree go astray, and the next ones may not return to the earlier
-         ! draws. The degree must therefore suffice for both.
-         test_draws = reshape([test_draws, new_draws], &
-            & [size(test_draws, 1), size(test_draws, 2) + size(new_draws, 2)])
-      end do
-      self%field_degree = self%posterior%grains%field_degree
-   end subroutine sample_with_theory
 
    !> Compute all results from the chains.
    subroutine summarise(self, error)

@@ -27,7 +27,6 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(points_type), allocatable :: detected
 
-      if (problem%data%are_detected .or. .not. allocated(problem%data%velocities)) return
       call find_detected(problem, problem%settings%measurements, surrogate, detected, error)
       if (allocated(error)) return
       call move_alloc(detected, problem%data%measurements)

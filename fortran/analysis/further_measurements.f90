@@ -84,11 +84,12 @@ contains
          if (.not. sd(1) > 0.0_wp) then
             call problem%refuse('next', 'sd_gpa', 'the variable is missing; it is the sd of the ' &
                & //'next modulus, and no moduli were measured whose sd it could be', error)
+            return
          else if (allocated(wanted%velocity_cost) .and. .not. sd(2) > 0.0_wp) then
             call problem%refuse('next', 'velocity_sd_m_s', 'the variable is missing; it is the ' &
                & //'sd of the next speed, and no speeds were measured whose sd it could be', error)
+            return
          end if
-         if (allocated(error)) return
          few(posterior%n_constants + 1:, :) = log(few(posterior%n_constants + 1:, :))
          if (posterior%grains%has_theory) then
             call choose_field_degree(posterior, few(:, ::degree_stride), threads, error)
@@ -141,11 +142,12 @@ contains
          if (.not. grains%has_angles) then
             call refuse(error, &
                & 'velocity_cost: the grains have directions alone, and a wave needs Euler angles')
+            return
          else if (size(rows) > most_grains) then
             call refuse(error, 'velocity_cost: '//to_text(size(rows))//' grains; allowed up to ' &
                & //to_text(most_grains))
+            return
          end if
-         if (allocated(error)) return
          rows = [((rows(i), j=1, n_along), i=1, size(rows))]
          paths = [(path_type(surface_path, 180.0_wp*modulo(i - 1, n_along)/n_along), &
             & i=1, size(rows))]

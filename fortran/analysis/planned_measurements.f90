@@ -87,8 +87,8 @@ contains
          if (.not. self%posterior%prior%admits(crystal, self%problem%class%stiffness(crystal))) then
             call self%problem%refuse('plan', 'constants', 'the crystal is outside the limits of ' &
                & //'the prior, or the domain of the surrogate', error)
+            return
          end if
-         if (allocated(error)) return
          allocate (values(size(known%mean)))
          call evaluate_quantities(known%quantities, self%problem%class%stiffness(crystal), values)
          k = findloc(abs(values - known%mean) > greatest_deviation*known%sd(), .true., dim=1)

@@ -53,9 +53,9 @@ contains
          end if
       end associate
       call check_limits(found, .false.)
-      call check_cuts(found)
+      call check_cuts()
       n = size(found%warnings)
-      call check_rivals(found)
+      call check_rivals()
       is_explained = size(found%warnings) > n
       call check_limits(found, .true.)
       ! Speeds are left out if their waves cannot be detected.
@@ -73,41 +73,41 @@ contains
          call found%warn('theory_rough', numbers=100.0_wp*[found%field_error, allowed_error])
       end if
       n = size(found%warnings)
-      call check_determined(found)
+      call check_determined()
       if (size(found%warnings) > n) call check_gains(found)
       if (.not. (is_explained .or. is_truncated(found%limits))) call check_residuals(found)
-   end subroutine check_analysis
-
-   !> Other models that explain the measurements better. The result cannot be used if the best one
-   !> changes a constant that the measurements seem to determine.
-   subroutine check_rivals(found)
-      type(analysis_type), intent(inout) :: found
-      !> Log odds of a model that is preferred, and of one that is named.
-      real(wp), parameter :: preferred = 7.0_wp, notable = 3.0_wp
-
-      associate (diagnosis => found%diagnosis)
-         if (size(diagnosis%rivals) > 0) then
-            associate (best => diagnosis%rivals(1))
-               if (best%log_odds > preferred .and. (changes_result(best) &
-                  & .or. found%is_misfit(unusable_p))) then
-                  call found%warn('other_model', explained_text(diagnosis%rivals), [best%log_odds])
-               else if (best%log_odds > notable) then
-                  call found%warn('other_model_likely', explained_text(diagnosis%rivals), &
-                     & [best%log_odds])
-               end if
-            end associate
-         end if
-         if (diagnosis%order_odds > 0.0_wp .and. found%is_misfit(greatest_p)) then
-            call found%warn('unexplained', numbers=[diagnosis%chi_square, diagnosis%freedom, &
-               & diagnosis%order_odds])
-         end if
-         if (found%is_misfit(unusable_p)) then
-            call found%warn('residuals_wrong', numbers=[diagnosis%factor, diagnosis%chi_square, &
-               & diagnosis%freedom])
-         end if
-      end associate
 
    contains
+
+      !> Other models that explain the measurements better. The result cannot be used if the best
+      !> one changes a constant that the measurements seem to determine.
+      subroutine check_rivals()
+         !> Log odds of a model that is preferred, and of one that is named.
+         real(wp), parameter :: preferred = 7.0_wp, notable = 3.0_wp
+
+         associate (diagnosis => found%diagnosis)
+            if (size(diagnosis%rivals) > 0) then
+               associate (best => diagnosis%rivals(1))
+                  if (best%log_odds > preferred .and. (changes_result(best) &
+                     & .or. found%is_misfit(unusable_p))) then
+                     call found%warn('other_model', explained_text(diagnosis%rivals), &
+                        & [best%log_odds])
+                  else if (best%log_odds > notable) then
+                     call found%warn('other_model_likely', explained_text(diagnosis%rivals), &
+                        & [best%log_odds])
+                  end if
+               end associate
+            end if
+            if (diagnosis%order_odds > 0.0_wp .and. found%is_misfit(greatest_p)) then
+               call found%warn('unexplained', numbers=[diagnosis%chi_square, diagnosis%freedom, &
+                  & diagnosis%order_odds])
+            end if
+            if (found%is_misfit(unusable_p)) then
+               call found%warn('residuals_wrong', numbers=[diagnosis%factor, diagnosis%chi_square, &
+                  & diagnosis%freedom])
+            end if
+         end associate
+      end subroutine check_rivals
 
       !> Whether another model moves a determined constant by more than an sd, or has an sd that is
       !> more than half as large again. Smaller ones matter less: the stated sds are then cautious.
@@ -130,7 +130,40 @@ contains
             end associate
          end do
       end function changes_result
-   end subroutine check_rivals
+
+      !> Bounds that exclude most of what the measurements determine without them.
+      subroutine check_cuts()
+         integer :: i
+
+         do i = 1, found%posterior%n_constants
+            associate (share => found%diagnosis%share_within(i))
+               if (share < least_within) then
+                  call found%warn('limit_excludes', trim(found%names(i)), &
+                     & [100.0_wp*(1.0_wp - share)])
+               end if
+            end associate
+         end do
+      end subroutine check_cuts
+
+      !> Constants that are not determined.
+      subroutine check_determined()
+         character(len=:), allocatable :: names
+         integer :: i
+
+         names = ''
+         do i = 1, found%posterior%n_constants
+            if (found%verdict(i) /= 'not_determined') cycle
+            names = names//', '//trim(found%names(i))
+            associate (prior => found%parameter_shares(i)%prior, constant => found%parameters(i))
+               if (prior >= 0.5_wp) names = names//' (prior '//fixed(100.0_wp*prior, 0)//' %)'
+               if (prior < 0.5_wp) then
+                  names = names//' (sd '//fixed(100.0_wp*abs(constant%sd/constant%mean), 0)//' %)'
+               end if
+            end associate
+         end do
+         if (len(names) > 0) call found%warn('not_determined', names(3:))
+      end subroutine check_determined
+   end subroutine check_analysis
 
    !> The best explanation, others of its group that are nearly as good, and its remedy.
    function explained_text(rivals) result(text)
@@ -149,20 +182,6 @@ contains
       end do
       if (len(rivals(1)%remedy) > 0) text = text//' ('//rivals(1)%remedy//')'
    end function explained_text
-
-   !> Bounds that exclude most of what the measurements determine without them.
-   subroutine check_cuts(found)
-      type(analysis_type), intent(inout) :: found
-      integer :: i
-
-      do i = 1, found%posterior%n_constants
-         associate (share => found%diagnosis%share_within(i))
-            if (share < least_within) then
-               call found%warn('limit_excludes', trim(found%names(i)), [100.0_wp*(1.0_wp - share)])
-            end if
-         end associate
-      end do
-   end subroutine check_cuts
 
    !> Limits that truncate the posterior, either the stated ones or those of the surrogate.
    subroutine check_limits(found, stated)
@@ -249,26 +268,6 @@ contains
          end do
       end associate
    end subroutine check_mixing
-
-   !> Constants that are not determined.
-   subroutine check_determined(found)
-      type(analysis_type), intent(inout) :: found
-      character(len=:), allocatable :: names
-      integer :: i
-
-      names = ''
-      do i = 1, found%posterior%n_constants
-         if (found%verdict(i) /= 'not_determined') cycle
-         names = names//', '//trim(found%names(i))
-         associate (prior => found%parameter_shares(i)%prior, constant => found%parameters(i))
-            if (prior >= 0.5_wp) names = names//' (prior '//fixed(100.0_wp*prior, 0)//' %)'
-            if (prior < 0.5_wp) then
-               names = names//' (sd '//fixed(100.0_wp*abs(constant%sd/constant%mean), 0)//' %)'
-            end if
-         end associate
-      end do
-      if (len(names) > 0) call found%warn('not_determined', names(3:))
-   end subroutine check_determined
 
    !> Knowledge that would reduce the sd of constants that are not determined.
    subroutine check_gains(found)

@@ -77,7 +77,7 @@ contains
          end associate
          call fit_model(posterior, crystal, .true., .false., stated)
          call fit_model(free, crystal, .true., .false., other)
-         call write_misfit(posterior, constants_at(posterior, stated%maximum), page)
+         call write_misfit(constants_at(posterior, stated%maximum))
          call page%put('log_odds', merge(stated%log_z - alone%log_z - other%log_z, nan, &
             & stated%found .and. other%found))
          if (stated%found .and. other%found) call suggest_direction()
@@ -119,6 +119,32 @@ contains
             call write_suggestions(page, problem, candidates(1), suggestions, noise)
          end associate
       end subroutine suggest_direction
+
+      !> Write chi-square at a point, and its probability, which normal errors of stated sds have.
+      subroutine write_misfit(x)
+         real(wp), intent(in) :: x(:)
+         real(wp), dimension(analysis%posterior%n_grains) :: model, scales, residuals
+         real(wp), allocatable :: u(:, :), b(:), l(:, :)
+         real(wp) :: chi_square, log_likelihood
+         integer :: freedom
+
+         associate (posterior => analysis%posterior, nuisances => analysis%posterior%nuisances, &
+            & n => analysis%posterior%n_constants)
+            freedom = posterior%n_grains + size(posterior%prior%knowledge%mean) - n
+            call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
+            residuals = (posterior%data%modulus - model)/scales
+            call posterior%errors%integrate(residuals, u, b, l, log_likelihood)
+            chi_square = sum((residuals - matmul(u, b))**2) + sum(b**2) &
+               & + sum(posterior%prior%deviations(posterior%stiffness(x))**2)
+            chi_square = chi_square &
+               & + sum(((x(n + 1:) - nuisances%prior(1))/nuisances%prior(2))**2)
+            if (posterior%infers_scale .or. posterior%settings%likelihood /= 'normal') then
+               chi_square = nan
+            end if
+         end associate
+         call page%put_numbers('predictive_p, chi_square, freedom', &
+            & [chi_square_above(chi_square, freedom), chi_square, real(freedom, wp)])
+      end subroutine write_misfit
    end subroutine compare_tensor
 
    !> As many draws of equal weight as a fit has weighted ones, as the sampler has them, (parameter,
@@ -186,28 +212,4 @@ contains
       end associate
    end subroutine write_grains
 
-   !> Write chi-square at a point, and its probability, which normal errors of stated sds have.
-   subroutine write_misfit(posterior, x, page)
-      type(posterior_type), intent(in) :: posterior
-      real(wp), intent(in) :: x(:)
-      type(json_type), intent(inout) :: page
-      real(wp), dimension(posterior%n_grains) :: model, scales, residuals
-      real(wp), allocatable :: u(:, :), b(:), l(:, :)
-      real(wp) :: chi_square, log_likelihood
-      integer :: freedom
-
-      freedom = posterior%n_grains + size(posterior%prior%knowledge%mean) - posterior%n_constants
-      call posterior%predict_measurements(x, posterior%stiffness(x), model, scales, u)
-      residuals = (posterior%data%modulus - model)/scales
-      call posterior%errors%integrate(residuals, u, b, l, log_likelihood)
-      chi_square = sum((residuals - matmul(u, b))**2) + sum(b**2) &
-         & + sum(posterior%prior%deviations(posterior%stiffness(x))**2)
-      associate (nuisances => posterior%nuisances)
-         chi_square = chi_square + sum(((x(posterior%n_constants + 1:) - nuisances%prior(1)) &
-            & /nuisances%prior(2))**2)
-      end associate
-      if (posterior%infers_scale .or. posterior%settings%likelihood /= 'normal') chi_square = nan
-      call page%put_numbers('predictive_p, chi_square, freedom', &
-         & [chi_square_above(chi_square, freedom), chi_square, real(freedom, wp)])
-   end subroutine write_misfit
 end module tensor_comparison

@@ -56,7 +56,7 @@ contains
       character(len=:), allocatable :: each(:)
       integer :: i
 
-      allocate (each, source=split_list(names))
+      each = split_list(names)
       if (present(key)) call self%begin_object(key)
       do i = 1, size(values)
          call self%put(trim(each(i)), values(i))

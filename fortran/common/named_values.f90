@@ -266,65 +266,65 @@ contains
          call refuse(error, path//': is damaged, or was changed since it was written; '//remedy)
          return
       end if
-      other = first_other(values, forms)
+      other = first_other()
       if (len(other) == 0) then
          if (values%integer('format') /= format) other = 'format'
       end if
       if (len(other) == 0) return
       call refuse(error, path//': is of an earlier version of the program, or damaged (its ''' &
          & //other//''' is another one); '//remedy)
-   end subroutine restore
 
-   !> The name of the first value that has not its form, see `restore`; '' if all have, and no other
-   !> values follow.
-   function first_other(self, forms) result(name)
-      class(named_values_reader_type), intent(in) :: self
-      character(len=*), intent(in) :: forms(:)
-      character(len=:), allocatable :: name, words(:)
-      !> Axes that were met, and their sizes.
-      character(len=len(forms)) :: axes(most_axes*size(forms))
-      integer(i8) :: sizes(most_axes*size(forms)), position, left, n
-      type(header_type) :: header
-      real(wp), pointer :: values(:)
-      character :: kind
-      integer :: n_axes, k, i, j
+   contains
 
-      position = 0
-      n_axes = 0
-      do k = 1, size(forms)
-         words = split_list(forms(k))
-         name = trim(words(1))
-         kind = words(2) (1:1)
-         if (size(self%bytes) - position < header_bytes) return
-         header = header_at(self, position)
-         left = size(self%bytes) - header%start
-         if (header%rank /= size(words) - 2 .or. left < 0) return
-         if (.not. header%is_named(self, name)) return
-         if (header%kind /= merge('r', kind, kind == 'n')) return
-         if (header%n_bytes < 0 .or. header%n_bytes > left) return
-         n = unit_bytes
-         do i = 1, header%rank
-            if (header%shape(i) < 0 .or. header%shape(i) > left) return
-            n = min(n*header%shape(i), left + 1)
-            do j = 1, n_axes
-               if (axes(j) == words(2 + i)) exit
+      !> The name of the first value that has not its form; '' if all have, and no other values
+      !> follow.
+      function first_other() result(name)
+         character(len=:), allocatable :: name, words(:)
+         !> Axes that were met, and their sizes.
+         character(len=len(forms)) :: axes(most_axes*size(forms))
+         integer(i8) :: sizes(most_axes*size(forms)), position, left, n
+         type(header_type) :: header
+         real(wp), pointer :: numbers(:)
+         character :: kind
+         integer :: n_axes, k, i, j
+
+         position = 0
+         n_axes = 0
+         do k = 1, size(forms)
+            words = split_list(forms(k))
+            name = trim(words(1))
+            kind = words(2) (1:1)
+            if (size(values%bytes) - position < header_bytes) return
+            header = header_at(values, position)
+            left = size(values%bytes) - header%start
+            if (header%rank /= size(words) - 2 .or. left < 0) return
+            if (.not. header%is_named(values, name)) return
+            if (header%kind /= merge('r', kind, kind == 'n')) return
+            if (header%n_bytes < 0 .or. header%n_bytes > left) return
+            n = unit_bytes
+            do i = 1, header%rank
+               if (header%shape(i) < 0 .or. header%shape(i) > left) return
+               n = min(n*header%shape(i), left + 1)
+               do j = 1, n_axes
+                  if (axes(j) == words(2 + i)) exit
+               end do
+               if (j > n_axes) then
+                  n_axes = j
+                  axes(j) = words(2 + i)
+                  sizes(j) = header%shape(i)
+               end if
+               if (sizes(j) /= header%shape(i)) return
             end do
-            if (j > n_axes) then
-               n_axes = j
-               axes(j) = words(2 + i)
-               sizes(j) = header%shape(i)
-            end if
-            if (sizes(j) /= header%shape(i)) return
+            position = header%next
+            if ((kind /= 't' .and. n /= header%n_bytes) .or. position > size(values%bytes)) return
+            if (header%kind /= 'r' .or. n == 0) cycle
+            call c_f_pointer(c_loc(values%bytes(header%start + 1)), numbers, [n/unit_bytes])
+            if (any(abs(numbers) > huge(numbers))) return
+            if (kind == 'r' .and. any(numbers /= numbers)) return
          end do
-         position = header%next
-         if ((kind /= 't' .and. n /= header%n_bytes) .or. position > size(self%bytes)) return
-         if (header%kind /= 'r' .or. n == 0) cycle
-         call c_f_pointer(c_loc(self%bytes(header%start + 1)), values, [n/unit_bytes])
-         if (any(abs(values) > huge(values))) return
-         if (kind == 'r' .and. any(values /= values)) return
-      end do
-      if (position == size(self%bytes)) name = ''
-   end function first_other
+         if (position == size(values%bytes)) name = ''
+      end function first_other
+   end subroutine restore
 
    !> The header at a position, from 0, where its bytes are.
    function header_at(self, position) result(header)

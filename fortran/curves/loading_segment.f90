@@ -38,8 +38,10 @@ contains
       segment%refusal = ''
       associate (load => points(3, :))
          peak = maxval(load)
-         if (.not. peak > 0.0_wp) segment%refusal = 'no load is above zero'
-         if (len(segment%refusal) > 0) return
+         if (.not. peak > 0.0_wp) then
+            segment%refusal = 'no load is above zero'
+            return
+         end if
          last = findloc(load >= last_share*peak, .true., 1)
          first = findloc(load(:last) < first_share*peak, .true., 1, back=.true.) + 1
          block = 1 + max(0, last - first - 1)/most_points
@@ -57,8 +59,8 @@ contains
       n = size(means, 2)
       if (n < fewest_points) then
          segment%refusal = 'only '//to_text(n)//' points from contact to peak load; 12 are needed'
+         return
       end if
-      if (len(segment%refusal) > 0) return
       segment%time = means(1, :) - means(1, 1)
       segment%depth = means(2, :) - drift*segment%time
       segment%load = means(3, :)

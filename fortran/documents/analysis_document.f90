@@ -66,7 +66,7 @@ contains
          call page%end_object()
       end if
       call write_laboratory(page, found)
-      call write_assumptions(page, found)
+      call write_assumptions()
       call write_predicted(page, found)
       call write_identifiability(page, found)
       call write_prior(page, found)
@@ -77,7 +77,7 @@ contains
             & diagnosis%order_odds, diagnosis%stated%fit%log_z], 'misfit')
       end associate
       call page%end_object()
-      call write_diagnosis(page, found%diagnosis)
+      call write_diagnosis()
       if (found%field_degree > 0) then
          call page%begin_object('theory')
          call page%put('degree', found%field_degree)
@@ -102,32 +102,58 @@ contains
          end associate
       end if
       call page%put('seconds', found%seconds)
+
+   contains
+
+      !> Write the assumptions that no measurement can refute. The text names the constant that
+      !> would change most, relative to its sd.
+      subroutine write_assumptions()
+         integer :: i, k
+
+         call page%begin_array('assumptions')
+         do i = 1, size(found%assumptions)
+            associate (assumption => found%assumptions(i), constants => found%parameters)
+               call page%begin_object()
+               call page%put('assumption', assumption%name)
+               if (assumption%size > 0.0_wp) call page%put('size', assumption%size)
+               call page%put_numbers(join(found%names(:size(assumption%shift)), ', '), &
+                  & assumption%shift, 'shift')
+               call page%put('included', assumption%included)
+               k = maxloc(abs(assumption%shift)/constants(:size(assumption%shift))%sd, dim=1)
+               if (k > 0) then
+                  call page%put('text', 'If '//assumption%condition//', '//trim(found%names(k))// &
+                     & ' is '//fixed(constants(k)%mean + assumption%shift(k), 0)//', not ' &
+                     & //fixed(constants(k)%mean, 0)//' GPa.')
+               end if
+               call page%end_object()
+            end associate
+         end do
+         call page%end_array()
+      end subroutine write_assumptions
+
+      !> Write the other explanations of the measurements, the most probable first.
+      subroutine write_diagnosis()
+         integer :: i, j
+
+         call page%begin_array('found%diagnosis')
+         do i = 1, size(found%diagnosis%rivals)
+            associate (rival => found%diagnosis%rivals(i))
+               call page%begin_object()
+               call page%put('explanation', rival%explanation)
+               call page%put('group', rival%group)
+               call page%put('log_odds', rival%log_odds)
+               call page%begin_object('constants')
+               do j = 1, size(rival%mean)
+                  call page%put_numbers('mean, sd', [rival%mean(j), rival%sd(j)], rival%names(j))
+               end do
+               call page%end_object()
+               call page%put('remedy', rival%remedy)
+               call page%end_object()
+            end associate
+         end do
+         call page%end_array()
+      end subroutine write_diagnosis
    end subroutine write_analysis
-
-   !> Write the other explanations of the measurements, the most probable first.
-   subroutine write_diagnosis(page, diagnosis)
-      type(json_type), intent(inout) :: page
-      type(diagnosis_type), intent(in) :: diagnosis
-      integer :: i, j
-
-      call page%begin_array('diagnosis')
-      do i = 1, size(diagnosis%rivals)
-         associate (rival => diagnosis%rivals(i))
-            call page%begin_object()
-            call page%put('explanation', rival%explanation)
-            call page%put('group', rival%group)
-            call page%put('log_odds', rival%log_odds)
-            call page%begin_object('constants')
-            do j = 1, size(rival%mean)
-               call page%put_numbers('mean, sd', [rival%mean(j), rival%sd(j)], rival%names(j))
-            end do
-            call page%end_object()
-            call page%put('remedy', rival%remedy)
-            call page%end_object()
-         end associate
-      end do
-      call page%end_array()
-   end subroutine write_diagnosis
 
    !> Write the parameters, and the part of each source in the variance of each parameter. The known
    !> quantities are sources, too.
@@ -204,34 +230,6 @@ contains
       end associate
       call page%end_object()
    end subroutine write_laboratory
-
-   !> Write the assumptions that no measurement can refute. The text names the constant that would
-   !> change most, relative to its sd.
-   subroutine write_assumptions(page, found)
-      type(json_type), intent(inout) :: page
-      type(analysis_type), intent(in) :: found
-      integer :: i, k
-
-      call page%begin_array('assumptions')
-      do i = 1, size(found%assumptions)
-         associate (assumption => found%assumptions(i), constants => found%parameters)
-            call page%begin_object()
-            call page%put('assumption', assumption%name)
-            if (assumption%size > 0.0_wp) call page%put('size', assumption%size)
-            call page%put_numbers(join(found%names(:size(assumption%shift)), ', '), &
-               & assumption%shift, 'shift')
-            call page%put('included', assumption%included)
-            k = maxloc(abs(assumption%shift)/constants(:size(assumption%shift))%sd, dim=1)
-            if (k > 0) then
-               call page%put('text', 'If '//assumption%condition//', '//trim(found%names(k))// &
-                  & ' is '//fixed(constants(k)%mean + assumption%shift(k), 0)//', not ' &
-                  & //fixed(constants(k)%mean, 0)//' GPa.')
-            end if
-            call page%end_object()
-         end associate
-      end do
-      call page%end_array()
-   end subroutine write_assumptions
 
    !> Write the shares in the variance of a quantity, and the verdict: whether it is determined.
    subroutine write_share(page, share, verdict)

@@ -39,7 +39,7 @@ contains
 
       grains = found%grains()
       call find_loadings()
-      allocate (names, source=split_list(copied))
+      names = split_list(copied)
       columns = [(set%tests%find(trim(names(j))), j=1, size(names))]
       columns = pack(columns, columns > 0)
       call file%begin(output//'/measurements.csv')

@@ -113,9 +113,9 @@ contains
       integer :: i
 
       object => null()
-      i = 0
       !$omp critical (object_registry)
-      if (handle > 0) i = index_of(handle)
+      ! A free entry has the handle 0 and no object.
+      i = index_of(handle)
       if (i > 0) then
          object => entries(i)%object
          entries(i)%handle = 0

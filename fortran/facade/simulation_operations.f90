@@ -66,7 +66,7 @@ contains
          !> -> element, parts, elements, depths, depth_max_um, contact_radius_max_um, meshes,
          !> factor_entries, factor_operations, workspace_bytes, unknowns, nodes, bricks,
          !> infinite_elements
-         call describe_model(model, x%out)
+         call describe_model(x%out)
       case ('run')
          !> stiffness, euler_deg -> indentation_modulus_gpa, depth_um, force_mn,
          !> modulus_by_depth_gpa, contact_radius_um, elements, seconds, seconds_factor,
@@ -105,6 +105,31 @@ contains
       case default
          call x%refuse(verb)
       end select
+
+   contains
+
+      !> Put sizes and costs, summed over the meshes, and numbers of nodes and elements of the
+      !> finest.
+      subroutine describe_model(out)
+         type(named_values_type), intent(inout) :: out
+
+         call out%put('element', model%specimen%element)
+         call out%put('parts', model%specimen%parts)
+         call out%put('elements', model%elements)
+         call out%put('depths', size(model%depth))
+         call out%put('depth_max_um', model%indenter%depth)
+         call out%put('contact_radius_max_um', model%indenter%contact_radius)
+         call out%put('meshes', size(model%grid))
+         call out%put('factor_entries', sum(model%grid%cholesky%entries))
+         call out%put('factor_operations', sum(model%grid%cholesky%operations))
+         call out%put('workspace_bytes', sum(model%grid%cholesky%bytes))
+         call out%put('unknowns', model%grid(1)%assembly%unknowns)
+         associate (mesh => model%grid(1)%mesh)
+            call out%put('nodes', size(mesh%x, 2))
+            call out%put('bricks', size(mesh%brick, 2))
+            call out%put('infinite_elements', size(mesh%facet, 2))
+         end associate
+      end subroutine describe_model
    end subroutine use_indentation
 
    !> Put the finest mesh of a simulation, and its fields: displacement of the nodes (um), mean
@@ -119,7 +144,7 @@ contains
 
       c = model%specimen%materials(rotate_stiffness(x%in%columns('stiffness', 6), &
          & rotation_matrix(degree*x%in%reals('euler_deg'))))
-      call put_mesh(model, x%out)
+      call put_mesh(x%out)
       associate (mesh => model%grid(1)%mesh)
          allocate (x%values(6, size(mesh%brick, 2)), infinite(12, 12, size(mesh%facet, 2)))
          do i = 1, size(mesh%brick, 2)
@@ -136,49 +161,27 @@ contains
       call x%out%put('materials', c)
       call x%out%put('infinite', infinite)
       call x%out%put('depth_um', result%depth)
+
+   contains
+
+      !> Put the finest mesh: nodes (um), and tables of node numbers, which begin at 0. A hanging
+      !> node follows the mean of its masters; unused places of them are -1.
+      subroutine put_mesh(out)
+         type(named_values_type), intent(inout) :: out
+
+         associate (mesh => model%grid(1)%mesh)
+            call out%put('x', mesh%x)
+            call out%put_array('gap', model%grid(1)%gap, shape(mesh%contact))
+            call out%put_integers('brick', mesh%brick - 1, shape(mesh%brick))
+            call out%put_integers('material', mesh%material - 1, shape(mesh%material))
+            call out%put_integers('facet', mesh%facet - 1, shape(mesh%facet))
+            call out%put_integers('contact', mesh%contact - 1, shape(mesh%contact))
+            call out%put_integers('clamped', mesh%clamped - 1, shape(mesh%clamped))
+            call out%put_integers('hanging', mesh%hanging - 1, shape(mesh%hanging))
+            call out%put_integers('master', mesh%master - 1, shape(mesh%master))
+         end associate
+      end subroutine put_mesh
    end subroutine put_fields
-
-   !> Put sizes and costs, summed over the meshes, and numbers of nodes and elements of the finest.
-   subroutine describe_model(model, out)
-      type(indentation_model_type), intent(in) :: model
-      type(named_values_type), intent(inout) :: out
-
-      call out%put('element', model%specimen%element)
-      call out%put('parts', model%specimen%parts)
-      call out%put('elements', model%elements)
-      call out%put('depths', size(model%depth))
-      call out%put('depth_max_um', model%indenter%depth)
-      call out%put('contact_radius_max_um', model%indenter%contact_radius)
-      call out%put('meshes', size(model%grid))
-      call out%put('factor_entries', sum(model%grid%cholesky%entries))
-      call out%put('factor_operations', sum(model%grid%cholesky%operations))
-      call out%put('workspace_bytes', sum(model%grid%cholesky%bytes))
-      call out%put('unknowns', model%grid(1)%assembly%unknowns)
-      associate (mesh => model%grid(1)%mesh)
-         call out%put('nodes', size(mesh%x, 2))
-         call out%put('bricks', size(mesh%brick, 2))
-         call out%put('infinite_elements', size(mesh%facet, 2))
-      end associate
-   end subroutine describe_model
-
-   !> Put the finest mesh: nodes (um), and tables of node numbers, which begin at 0. A hanging node
-   !> follows the mean of its masters; unused places of them are -1.
-   subroutine put_mesh(model, out)
-      type(indentation_model_type), intent(in) :: model
-      type(named_values_type), intent(inout) :: out
-
-      associate (mesh => model%grid(1)%mesh)
-         call out%put('x', mesh%x)
-         call out%put_array('gap', model%grid(1)%gap, shape(mesh%contact))
-         call out%put_integers('brick', mesh%brick - 1, shape(mesh%brick))
-         call out%put_integers('material', mesh%material - 1, shape(mesh%material))
-         call out%put_integers('facet', mesh%facet - 1, shape(mesh%facet))
-         call out%put_integers('contact', mesh%contact - 1, shape(mesh%contact))
-         call out%put_integers('clamped', mesh%clamped - 1, shape(mesh%clamped))
-         call out%put_integers('hanging', mesh%hanging - 1, shape(mesh%hanging))
-         call out%put_integers('master', mesh%master - 1, shape(mesh%master))
-      end associate
-   end subroutine put_mesh
 
    subroutine use_stage(verb, stage, x)
       character(len=*), intent(in) :: verb
@@ -256,7 +259,7 @@ contains
       select case (verb)
       case ('describe')
          !> -> ..
-         call describe_problem(self, x%out)
+         call describe_problem()
       case ('table')
          !> table -> ..
          select case (x%in%text('table'))
@@ -282,7 +285,7 @@ contains
             self%data%misread = reshape(x%in%columns('misread', 3), &
                & [3, self%data%measurements%table%rows, 7])
          end if
-         call describe_problem(self, x%out)
+         call describe_problem()
       case ('write_crystals')
          !> path, names, values ->
          ! Write the table of the crystals with additional columns of numbers (n, m).
@@ -350,18 +353,18 @@ contains
       case default
          call x%refuse(verb)
       end select
+
+   contains
+
+      !> Put the settings as texts and resolved, the warnings and the stages.
+      subroutine describe_problem()
+
+         call put_settings(self%settings, x%out)
+         call x%out%put('resolved', resolved_text(self))
+         call x%out%put('warnings', diagnostics_text(self%warnings))
+         call x%out%put('stages', join(self%run%stages, ' '))
+      end subroutine describe_problem
    end subroutine use_problem
-
-   !> Put the settings as texts and resolved, the warnings and the stages.
-   subroutine describe_problem(self, out)
-      type(problem_type), intent(in) :: self
-      type(named_values_type), intent(inout) :: out
-
-      call put_settings(self%settings, out)
-      call out%put('resolved', resolved_text(self))
-      call out%put('warnings', diagnostics_text(self%warnings))
-      call out%put('stages', join(self%run%stages, ' '))
-   end subroutine describe_problem
 
    !> Put the columns of a table, the number of its rows, the kind of its modulus, the names of the
    !> grains, and the classes of the crystals; nothing if the problem does not have it.

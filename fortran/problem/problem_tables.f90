@@ -319,7 +319,7 @@ contains
                return
             end if
          end associate
-         call take_shared_errors(problem, table, error)
+         call take_shared_errors()
          if (.not. allocated(error)) call take_nu()
          if (.not. allocated(error)) call refuse_copied_rows(measurements, error)
          if (allocated(error)) return
@@ -345,29 +345,25 @@ contains
                & //to_text(stated)//' and '//to_text(nu(i))//'; one value is allowed')
          end associate
       end subroutine take_nu
+
+      !> Set the relative errors that the rows of the measurements share.
+      subroutine take_shared_errors()
+         type(table_type) :: source
+         real(wp), allocatable :: values(:, :)
+
+         source = table
+         call read_shared_errors(problem%data%shared_file, table%rows, source, values, error)
+         if (allocated(error)) return
+         if (size(values) == 0) return
+         problem%data%shared_errors = transpose(values)
+         problem%data%shared_digest = source%digest()
+         ! They contain the error of the indenter.
+         if (.not. problem%states_calibration) problem%settings%measurements%calibration_sd = 0.0_wp
+         if (allocated(problem%data%reference_grains)) then
+            call refuse(error, 'rows with a reference are not allowed beside shared errors')
+         end if
+      end subroutine take_shared_errors
    end subroutine take_measurements
-
-   !> Set the relative errors that the rows of the measurements share.
-   subroutine take_shared_errors(problem, table, error)
-      type(problem_type), intent(inout) :: problem
-      !> That of the measurements.
-      type(table_type), intent(in) :: table
-      type(error_type), allocatable, intent(out) :: error
-      type(table_type) :: source
-      real(wp), allocatable :: values(:, :)
-
-      source = table
-      call read_shared_errors(problem%data%shared_file, table%rows, source, values, error)
-      if (allocated(error)) return
-      if (size(values) == 0) return
-      problem%data%shared_errors = transpose(values)
-      problem%data%shared_digest = source%digest()
-      ! They contain the error of the indenter.
-      if (.not. problem%states_calibration) problem%settings%measurements%calibration_sd = 0.0_wp
-      if (allocated(problem%data%reference_grains)) then
-         call refuse(error, 'rows with a reference are not allowed beside shared errors')
-      end if
-   end subroutine take_shared_errors
 
    !> Read relative errors that rows share, such as the calibration of the instrument: all columns
    !> of a file but that of the grains, or the columns shared_1, shared_2, .. of a table.

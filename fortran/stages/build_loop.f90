@@ -398,8 +398,8 @@ contains
       if (n < 1 .or. n > left) then
          call refuse(error, '--ask '//to_text(n)//': allowed are 1 .. '//to_text(left) &
             & //', the candidates that are left')
+         return
       end if
-      if (allocated(error)) return
       call choose_some(self, n)
       numbers = self%chosen
       if (size(numbers) < n) then

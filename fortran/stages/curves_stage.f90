@@ -143,8 +143,8 @@ contains
                call self%problem%refuse('references', 'name', &
                   & 'the tests have the reference '//printable(material%name) &
                   & //', whose modulus is not stated; stated: '//names(3:), error)
+               return
             end if
-            if (allocated(error)) return
             ! The effective modulus includes the indenter. Its relative sd follows from that of the
             ! modulus.
             effective = 1.0_wp/(1.0_wp/modulus(1) &
@@ -211,8 +211,8 @@ contains
                      & //self%problem%data%curves%curves(1)%name//': '//tests(1)%reason &
                      & //'. Loads in mN and depths in nm are needed')
                   call self%problem%locate_curves(error)
+                  return
                end if
-               if (allocated(error)) return
                before = s%mean(:n_shared)
                call s%infer_shared(error)
                if (allocated(error)) return

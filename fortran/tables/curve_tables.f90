@@ -109,8 +109,8 @@ contains
             if (k == 0) then
                call table%refuse(column(1), i, &
                   & ' is no test of the table of tests; each test needs a row there', error)
+               return
             end if
-            if (allocated(error)) return
             owner(i) = k
             do j = 2, size(column)
                call table%number(column(j), i, values(j - 1, i), error)
@@ -131,15 +131,17 @@ contains
                if (size(rows) == 0) then
                   call refuse(error, place//' of the table of tests has no points; give them, or ' &
                      & //'leave its row out')
+                  return
                else if (i > 0) then
                   call refuse(error, place//', line '//to_text(table%line(rows(i + 1))) &
                      & //': the time runs backwards, '//to_text(c%points(1, i + 1))//' s after ' &
                      & //to_text(c%points(1, i))//' s; the points of a test are in the order of ' &
                      & //'time')
+                  return
                else if (.not. any(c%points(1, 2:) > c%points(1, 1))) then
                   call refuse(error, place//': all times are equal, so no drift can be corrected')
+                  return
                end if
-               if (allocated(error)) return
             end associate
          end do
       end subroutine take_points

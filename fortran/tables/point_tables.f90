@@ -291,8 +291,8 @@ contains
             call refuse(error, &
                & 'line '//to_text(points%table%line(i))//': zero_sd_nm = '//to_text(zero_sd_nm(i)) &
                & //' nm needs the depth of the test (column depth_um) and its sd_gpa')
+            return
          end if
-         if (allocated(error)) return
          where (zero_sd_nm > 0.0_wp) points%sd_gpa = sqrt(points%sd_gpa**2 &
             & + (power*1.0e-3_wp*zero_sd_nm/points%depth_um*points%modulus_gpa)**2)
       end subroutine add_zero_error

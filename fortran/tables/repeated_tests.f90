@@ -49,8 +49,8 @@ contains
          & - spread(points%euler_deg(:, 1), 2, points%n)) > 0.0_wp)) then
          call refuse(error, 'each row is there '//to_text(i) &
             & //' times with the same angles, modulus and sd. '//count_twice)
+         return
       end if
-      if (allocated(error)) return
       begin = 1
       do i = 2, points%n + 1
          if (i <= points%n) then
@@ -88,8 +88,8 @@ contains
       if (i > 0) then
          call refuse(error, points%table%place(column, i) &
             & //'the cell is empty; the name or number of the grain is needed')
+         return
       end if
-      if (allocated(error)) return
       points%named_by = column
       key(1, :) = points%group
       key(2, :) = first_rows(points%table, column)
@@ -110,8 +110,8 @@ contains
             call refuse(error, 'the column '//printable(points%table%name(column)) &
                & //' has several tests of one grain, and to combine them the column ' &
                & //'sd_gpa is needed')
+            return
          end if
-         if (allocated(error)) return
          call new_region(class, region)
          if (region%dimension == 0) return
          direction = points%directions()
@@ -122,8 +122,8 @@ contains
                   & ' is indented '//fixed(angle, 1)//' degrees away from its direction on line ' &
                   & //to_text(points%table%line(first(i))) &
                   & //'; tests of one grain are within 5 degrees of each other', error)
+               return
             end if
-            if (allocated(error)) return
          end do
       end subroutine check_tests
 
@@ -192,10 +192,9 @@ contains
       freedom = sum(points%tests - 1)
       repeated = count(points%tests > 1)
       above = chi_square_above(sum(points%chi_square), freedom)
-      if (above < improbable) then
-         call found%warn('tests_scatter_more', subject, excess(sum(points%chi_square), freedom))
-      else if (above > 1.0_wp - improbable) then
-         call found%warn('tests_scatter_less', subject, excess(sum(points%chi_square), freedom))
+      if (above < improbable .or. above > 1.0_wp - improbable) then
+         call found%warn(merge('tests_scatter_more', 'tests_scatter_less', above < improbable), &
+            & subject, excess(sum(points%chi_square), freedom))
       end if
       do i = 1, points%n
          if (points%tests(i) < 2) cycle

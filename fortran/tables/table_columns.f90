@@ -105,11 +105,12 @@ contains
                call refuse(error, 'the columns '//printable(table%name(column))//' and ' &
                   & //printable(table%name(j))//' are both '//name//'; one of them is allowed, ' &
                   & //'or one that is named '//name)
+               return
             else if (len(unit) > 0 .and. index(known%units, ' '//unit//' ') == 0) then
                call refuse(error, 'column '//printable(table%name(j))//': the unit ' &
                   & //printable(unit)//' is not read; allowed'//trim(known%units))
+               return
             end if
-            if (allocated(error)) return
             column = j
          end do
       end if
@@ -254,8 +255,8 @@ contains
       type(table_type), intent(in) :: table
       character(len=:), allocatable :: names(:), name
 
-      allocate (names, source=split_list(lower(join(known_columns%name, ', '))//', '//further &
-         & //', '//join(ways(:3), ', ')))
+      names = split_list(lower(join(known_columns%name, ', '))//', '//further//', ' &
+         & //join(ways(:3), ', '))
       do column = 1, table%columns
          name = lower(table%name(column))
          if (len(name) > 0 .and. all(names /= name) .and. index(name, 'shared_') /= 1) return

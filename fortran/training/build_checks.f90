@@ -51,8 +51,8 @@ contains
             & //' simulations are fewer than the '//to_text(basis%n_terms) &
             & //' terms of the surrogate; allowed: '//to_text(basis%n_terms) &
             & //' or more, a lower degree or bandlimit, or model = ''correction''', error)
+         return
       end if
-      if (allocated(error)) return
       n = problem%settings%design%n_candidates
       if (allocated(problem%data%candidates)) n = problem%data%candidates%n
       ! Two copies of the terms of all candidates, while they are whitened, and four square matrices

@@ -104,7 +104,7 @@ contains
       call begin_progress('exact values of the film', int(n_first + merge(0, most_rounds*(n_drawn &
          & + n_spread), is_plan), i8))
       call find_broad()
-      if (.not. allocated(error)) call add_spread(self, n_first, 0, error)
+      if (.not. allocated(error)) call add_spread(n_first, 0)
       if (.not. allocated(error)) call fit(self, error)
       do round = 1, merge(0, most_rounds, is_plan)
          if (allocated(error)) exit
@@ -120,8 +120,8 @@ contains
             is_accurate = all([(shares(i)%by_source(from_surrogate) <= accurate_share, i=1, &
                & size(shares))])
          end if
-         call add_draws(self, posterior, draws, round, z, error)
-         if (.not. allocated(error)) call add_spread(self, n_spread, round, error)
+         call add_draws()
+         if (.not. allocated(error)) call add_spread(n_spread, round)
          if (.not. allocated(error)) call fit(self, error)
          if (is_accurate .and. z <= accurate_z) exit
       end do
@@ -159,66 +159,57 @@ contains
                & known%modulus(0), known%by_stiffness(n_derivatives, 0), self%noise(0))
          end associate
       end subroutine find_broad
-   end subroutine train_film
 
-   !> Add values at crystals that are spread over the domain.
-   subroutine add_spread(self, n, number, error)
-      type(training_type), intent(inout) :: self
-      !> Of crystals; of the random stream.
-      integer, intent(in) :: n, number
-      type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: constants(:, :), euler_deg(:, :)
+      !> Add values at crystals that are spread over the domain.
+      subroutine add_spread(n, number)
+         !> Of crystals; of the random stream.
+         integer, intent(in) :: n, number
+         real(wp), allocatable :: constants(:, :), euler_deg(:, :)
 
-      call spread_crystals(self%domain, n, self%problem%settings%problem%seed + number, constants, &
-         & euler_deg, error)
-      if (.not. allocated(error)) then
-         call add_values(self, constants, euler_deg, coarse_noise, error)
-      end if
-   end subroutine add_spread
+         call spread_crystals(self%domain, n, self%problem%settings%problem%seed + number, &
+            & constants, euler_deg, error)
+         if (.not. allocated(error)) then
+            call add_values(self, constants, euler_deg, coarse_noise, error)
+         end if
+      end subroutine add_spread
 
-   !> Add values at crystals of the posterior, half of them in the orientations of the grains, and
-   !> extend the domain to these crystals.
-   subroutine add_draws(self, posterior, draws, round, z, error)
-      type(training_type), intent(inout) :: self
-      type(posterior_type), intent(in) :: posterior
-      !> (parameter, draw).
-      real(wp), intent(in) :: draws(:, :)
-      integer, intent(in) :: round
-      !> Root mean square of (exact - predicted)/sd.
-      real(wp), intent(out) :: z
-      type(error_type), allocatable, intent(out) :: error
-      real(wp) :: euler_deg(3, n_drawn), anisotropy(size(draws, 2))
-      real(wp), allocatable, dimension(:) :: modulus, sd
-      integer :: order(size(draws, 2)), before, i
+      !> Add values at crystals of the posterior, half of them in the orientations of the grains,
+      !> and extend the domain to these crystals.
+      subroutine add_draws()
+         real(wp) :: euler_deg(3, n_drawn), anisotropy(size(draws, 2))
+         real(wp), allocatable, dimension(:) :: modulus, sd
+         integer :: order(size(draws, 2)), before, i
 
-      euler_deg = directions(self%problem%settings%problem%seed, round, n_drawn)
-      do i = 1, n_drawn, 2
-         if (allocated(posterior%unknown)) exit
-         associate (grains => self%problem%data%measurements%euler_deg)
-            euler_deg(:, i) = grains(:, 1 + mod(i/2, size(grains, 2)))
+         euler_deg = directions(self%problem%settings%problem%seed, round, n_drawn)
+         do i = 1, n_drawn, 2
+            if (allocated(posterior%unknown)) exit
+            associate (grains => self%problem%data%measurements%euler_deg)
+               euler_deg(:, i) = grains(:, 1 + mod(i/2, size(grains, 2)))
+            end associate
+         end do
+         before = size(self%known%modulus)
+         associate (constants => draws(:posterior%n_constants, :))
+            anisotropy = [(log_anisotropy(self%problem%class%stiffness(constants(:, i))), &
+               & i=1, size(anisotropy))]
+            call sort_order(anisotropy, order)
+            call add_values(self, constants(:, order([(1 + int((i - 1)*used*size(order)/n_drawn), &
+               & i=1, n_drawn)])), euler_deg, 1.0_wp, error)
          end associate
-      end do
-      before = size(self%known%modulus)
-      associate (constants => draws(:posterior%n_constants, :))
-         anisotropy = [(log_anisotropy(self%problem%class%stiffness(constants(:, i))), &
-            & i=1, size(anisotropy))]
-         call sort_order(anisotropy, order)
-         call add_values(self, constants(:, order([(1 + int((i - 1)*used*size(order)/n_drawn), &
-            & i=1, n_drawn)])), euler_deg, 1.0_wp, error)
-      end associate
-      if (allocated(error)) return
-      associate (crystals => self%problem%class%stiffnesses(self%known%constants(:, before + 1:)), &
-         & exact => self%known%modulus(before + 1:))
-         allocate (modulus(size(exact)), sd(size(exact)))
-         call predict_crystals(self%surrogate, crystals, &
-            & degree*self%known%euler_deg(:, before + 1:), self%problem%threads(), modulus, sd, &
-            & error)
          if (allocated(error)) return
-         z = norm2((exact - modulus)/sd)/sqrt(real(size(exact), wp))
-         if (z > accurate_z) self%noise(:before) = coarse_noise
-         call extend(self%domain, crystals)
-      end associate
-   end subroutine add_draws
+         associate (crystals => &
+            & self%problem%class%stiffnesses(self%known%constants(:, before + 1:)), &
+            & exact => self%known%modulus(before + 1:))
+            allocate (modulus(size(exact)), sd(size(exact)))
+            call predict_crystals(self%surrogate, crystals, &
+               & degree*self%known%euler_deg(:, before + 1:), self%problem%threads(), modulus, sd, &
+               & error)
+            if (allocated(error)) return
+            z = norm2((exact - modulus)/sd)/sqrt(real(size(exact), wp))
+            if (z > accurate_z) self%noise(:before) = coarse_noise
+            call extend(self%domain, crystals)
+         end associate
+      end subroutine add_draws
+   end subroutine train_film
 
    !> Compute exact values. Crystals that theory cannot indent are left out.
    subroutine add_values(self, constants, euler_deg, noise, error)

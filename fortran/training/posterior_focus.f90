@@ -124,7 +124,14 @@ contains
       call drop_bounds(wide%basis%domain, &
          & surrogate%basis%domain%class%stiffnesses(candidates%constants))
       focus%domain = wide%basis%domain
-      call widen(wide%basis%domain)
+      ! The posterior is sampled in a wider domain.
+      associate (domain => wide%basis%domain)
+         domain%log_anisotropy_max = wider*domain%log_anisotropy_max
+         domain%poisson = domain%poisson + wider_poisson*([-1.0_wp, 0.5_wp] - domain%poisson)
+         if (domain%has_scale()) then
+            domain%stiffness = domain%stiffness*[1.0_wp/wider_scale, wider_scale]
+         end if
+      end associate
       call draw_aside(problem, problem%settings%measurements, wide, focus_run, posterior, draws, &
          & error)
       if (allocated(error)) return
@@ -311,15 +318,6 @@ contains
             & .and. round%z <= accurate_z .and. .not. round%truncated
       end associate
    end function is_accurate
-
-   !> Widen a domain to that in which the posterior is sampled.
-   pure subroutine widen(domain)
-      type(domain_type), intent(inout) :: domain
-
-      domain%log_anisotropy_max = wider*domain%log_anisotropy_max
-      domain%poisson = domain%poisson + wider_poisson*([-1.0_wp, 0.5_wp] - domain%poisson)
-      if (domain%has_scale()) domain%stiffness = domain%stiffness*[1.0_wp/wider_scale, wider_scale]
-   end subroutine widen
 
    !> Replace bounds of the constants, if a domain has them, by limits of log-anisotropy, Poisson's
    !> ratio and scale.

@@ -39,8 +39,13 @@ def table_of_rows(found: Rows, stated: Iterable[str]) -> LaboratoryTable:
     width = max((j + 1 for j, name in enumerate(names) if name), default=0)
     names = names[:width]
     units = [""] * width
-    if below and is_row_of_units(below[0][1]):
-        units = [unit_word(cell) for cell in [*below[0][1], *units][:width]]
+    under = below[0][1] if below else []
+    # Several cells are units, and none is a number.
+    if sum(map(bool, map(UNIT.fullmatch, under))) > 1 and not any(map(is_number, under)):
+        units = [
+            cell.strip("[]()- ").lower() if UNIT.fullmatch(cell) else ""
+            for cell in [*under, *units][:width]
+        ]
         below = below[1:]
     check_widths(below, names, line)
     cells = [[*row, *[""] * width][:width] for _, row in below]
@@ -59,16 +64,6 @@ def table_of_rows(found: Rows, stated: Iterable[str]) -> LaboratoryTable:
     again = (number for number, row in below if row == rows[header][1])
     table.leave_out(again, "the header once more")
     return table
-
-
-def is_row_of_units(cells: list[str]) -> bool:
-    """Whether several cells are units and none is a number."""
-    return sum(map(bool, map(UNIT.fullmatch, cells))) > 1 and not any(map(is_number, cells))
-
-
-def unit_word(cell: str) -> str:
-    """The unit of a cell such as '[GPa]', in lower case; '' if it is none."""
-    return cell.strip("[]()- ").lower() if UNIT.fullmatch(cell) else ""
 
 
 def check_widths(below: list, names: list[str], header_line: int) -> None:
