@@ -209,11 +209,10 @@ contains
       !> (parameter, draw), (quantity, draw), (combination, draw).
       real(wp), allocatable :: draws(:, :), prior_draws(:, :), values(:, :), prior_values(:, :), &
          & logarithms(:, :)
-      integer :: k, n, threads
+      integer :: k, threads
 
       threads = self%problem%threads()
       associate (posterior => self%posterior, chains => self%chains)
-         n = posterior%dimension
          k = posterior%n_constants
          self%names = [character(len=9) :: posterior%prior%class%constants, &
             & posterior%nuisances%name]

@@ -113,12 +113,10 @@ contains
          end if
          call choose_measurements(candidates, wanted%count, scenarios, &
             & problem%settings%problem%seed, threads, suggestions)
-         associate (found => size(suggestions%chosen))
-            if (found < min(wanted%count, size(candidates%cost))) then
-               call analysis%warn('few_apart', &
-                  & numbers=[real(wp) :: found, wanted%count, separation_deg])
-            end if
-         end associate
+         if (size(suggestions%chosen) < min(wanted%count, size(candidates%cost))) then
+            call analysis%warn('few_apart', &
+               & numbers=[real(wp) :: size(suggestions%chosen), wanted%count, separation_deg])
+         end if
       end associate
       call write_suggestions(page, analysis%problem, candidates, suggestions, sd)
 
@@ -153,10 +151,9 @@ contains
             & i=1, size(rows))]
          euler_deg = grains%euler_deg(:, rows)
          associate (kept => pack([(i, i=1, size(rows))], &
-            & are_detected(analysis%posterior, draws, euler_deg, paths)), &
-            & n => size(candidates%cost))
+            & are_detected(analysis%posterior, draws, euler_deg, paths)))
             candidates%euler_deg = reshape([candidates%euler_deg, euler_deg(:, kept)], &
-               & [3, n + size(kept)])
+               & [3, size(candidates%cost) + size(kept)])
             candidates%paths = [candidates%paths, paths(kept)]
             candidates%grain = [candidates%grain, rows(kept)]
             candidates%cost = [candidates%cost, &
@@ -361,7 +358,7 @@ contains
       subroutine begin_candidate(c)
          integer, intent(in) :: c
 
-         call page%begin_object()
+         call page%begin_object('')
          if (allocated(problem%data%grains)) then
             call page%put('grain', problem%data%grains%name(candidates%grain(c)))
          else if (candidates%grain(c) > 0) then

@@ -59,7 +59,7 @@ contains
                   draws = flattened(chains%draws(:size(mean), :, :))
                   call moments(draws, mean, sd(:, k))
                end do
-               call page%begin_object()
+               call page%begin_object('')
                call page%put_numbers('grains, noise', [plan%grains(i), plan%noise(j)])
                call page%put_numbers(names, &
                   & [(median(n_sets, sd(k, :)), k=1, size(plan%constants))], 'sd')
@@ -134,9 +134,8 @@ contains
          ! Each grain has the mean of the shared errors that the user stated for measured grains.
          allocate (stated(experiment%n_grains, 0))
          if (allocated(problem%data%shared_errors)) then
-            associate (errors => problem%data%shared_errors)
-               stated = spread(sum(errors, 1)/size(errors, 1), 1, experiment%n_grains)
-            end associate
+            stated = spread(sum(problem%data%shared_errors, 1) &
+               & /size(problem%data%shared_errors, 1), 1, experiment%n_grains)
          end if
          measured%shared = shared_errors(problem, stated, size(measured%modulus))
          call new_measured_posterior(problem, model, measured, self%surrogate, self%posterior, &

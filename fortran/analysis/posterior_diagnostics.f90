@@ -46,12 +46,10 @@ contains
       integer :: n
 
       found%warnings = [diagnostic_type ::]
-      associate (problem => found%problem)
-         if (.not. (problem%states_technique .or. problem%settings%problem%synthetic) &
-            & .and. found%posterior%n_moduli > 0) then
-            call found%warn('technique_assumed')
-         end if
-      end associate
+      if (.not. (found%problem%states_technique .or. found%problem%settings%problem%synthetic) &
+         & .and. found%posterior%n_moduli > 0) then
+         call found%warn('technique_assumed')
+      end if
       call check_limits(found, .false.)
       call check_cuts()
       n = size(found%warnings)
@@ -187,10 +185,9 @@ contains
    subroutine check_limits(found, stated)
       type(analysis_type), intent(inout) :: found
       logical, intent(in) :: stated
-      character(len=:), allocatable :: name, code
+      character(len=:), allocatable :: name
       integer :: i, side
 
-      code = trim(merge('truncated        ', 'outside_surrogate', stated))
       do i = 1, size(found%limits)
          associate (limit => found%limits(i))
             if (limit%stated .neqv. stated) cycle
@@ -198,8 +195,9 @@ contains
             if (.not. stated) name = name(index(name, '.') + 1:)
             do side = 1, 2
                if (.not. limit%truncates(side)) cycle
-               call found%warn(code, merge('upper', 'lower', side == 2)//' limit of ' &
-                  & //name, [limit%range(side), 100.0_wp*limit%share(side)])
+               call found%warn(trim(merge('truncated        ', 'outside_surrogate', stated)), &
+                  & merge('upper', 'lower', side == 2)//' limit of '//name, &
+                  & [limit%range(side), 100.0_wp*limit%share(side)])
             end do
          end associate
       end do

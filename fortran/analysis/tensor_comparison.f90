@@ -182,8 +182,7 @@ contains
       real(wp), allocatable :: u(:, :)
       integer :: i
 
-      associate (posterior => analysis%posterior, problem => analysis%problem, &
-         & table => analysis%problem%data%measurements)
+      associate (posterior => analysis%posterior, table => analysis%problem%data%measurements)
          variance = 0.0_wp
          do i = 1, size(draws, 2)
             call posterior%predict_measurements(draws(:, i), posterior%stiffness(draws(:, i)), &
@@ -194,14 +193,14 @@ contains
          sd = sqrt(sd**2 + variance)
          associate (ratio => median(size(mean), mean/posterior%data%modulus))
             if (ratio > doubtful) then
-               call problem%refuse('knowledge', 'stiffness_file', 'its moduli are ' &
+               call analysis%problem%refuse('knowledge', 'stiffness_file', 'its moduli are ' &
                   & //to_text(ratio, 3)//' times the measured ones; GPa are needed, 10 kBar = ' &
                   & //'1 GPa', error)
             end if
          end associate
          call page%begin_array('predicted')
          do i = 1, size(mean)
-            call page%begin_object()
+            call page%begin_object('')
             if (table%named_by > 0) call page%put('grain', table%name(i))
             call page%put('euler_deg', table%euler_deg(:, i))
             call page%put_numbers('measured, mean, sd, deviation', [posterior%data%modulus(i), &

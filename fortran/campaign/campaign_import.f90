@@ -61,7 +61,7 @@ contains
       call campaign%rows(rows, error)
       if (allocated(error)) return
       rows = pack(rows, [(any(rows(k)%symmetry == names), k=1, size(rows))])
-      call page%begin_object()
+      call page%begin_object('')
       call page%put('imported', n_new)
       call page%put('simulations', count(rows%outcome%status == outcome_done))
       call page%put('failed', count(rows%outcome%status == outcome_failed))

@@ -147,10 +147,10 @@ contains
       type(json_type) :: page
       integer :: i
 
-      call page%begin_array()
+      call page%begin_array('')
       do i = 1, size(list)
          associate (row => list(i)%row)
-            call page%begin_object()
+            call page%begin_object('')
             call page%put('code', list(i)%code)
             call page%put('severity', trim(severity_column(row)))
             call page%put('consequence', trim(consequence_column(row)))

@@ -64,10 +64,10 @@ module files
    !> A file whose content is made piece by piece, before it is written.
    type :: new_file_type
       private
-      character(len=:), allocatable :: path, content
+      character(len=:), allocatable :: content
       integer(i8) :: filled = 0
    contains
-      procedure :: begin, add, finish
+      procedure :: add, finish
    end type new_file_type
 
 contains
@@ -185,14 +185,6 @@ contains
       end associate
    end subroutine replace_file
 
-   !> Begin a file without content.
-   subroutine begin(self, path)
-      class(new_file_type), intent(out) :: self
-      character(len=*), intent(in) :: path
-
-      self%path = path
-   end subroutine begin
-
    !> Append `content`.
    subroutine add(self, content)
       class(new_file_type), intent(inout) :: self
@@ -201,12 +193,14 @@ contains
       call append(self%content, self%filled, content)
    end subroutine add
 
-   !> Write the file.
-   subroutine finish(self, error)
-      class(new_file_type), intent(in) :: self
+   !> Write the content into the file of this path, and remove it.
+   subroutine finish(self, path, error)
+      class(new_file_type), intent(inout) :: self
+      character(len=*), intent(in) :: path
       type(error_type), allocatable, intent(out) :: error
 
-      call replace_file(self%path, self%content(:self%filled), error)
+      call replace_file(path, self%content(:self%filled), error)
+      self%filled = 0
    end subroutine finish
 
    !> The name under which this process writes a file until it is complete.

@@ -1,6 +1,6 @@
 !> Documents in JavaScript Object Notation (RFC 8259), written from front to back.
 !>
-!>     call document%begin_object()
+!>     call document%begin_object('')
 !>     call document%put('mean', 168.4_wp)
 !>     call document%begin_array('rows')
 !>     call document%put('', [1.0_wp, 2.0_wp])
@@ -29,20 +29,20 @@ module json
 
 contains
 
-   !> Open an object; `key` is its name in the surrounding object.
+   !> Open an object; `key` is its name in the surrounding object, '' if there is none.
    subroutine begin_object(self, key)
       class(json_type), intent(inout) :: self
-      character(len=*), intent(in), optional :: key
+      character(len=*), intent(in) :: key
 
-      call open_level(self, '{', key)
+      call self%put_as('{', key, '')
    end subroutine begin_object
 
-   !> Open an array; `key` is its name in the surrounding object.
+   !> Open an array; `key` as of `begin_object`.
    subroutine begin_array(self, key)
       class(json_type), intent(inout) :: self
-      character(len=*), intent(in), optional :: key
+      character(len=*), intent(in) :: key
 
-      call open_level(self, '[', key)
+      call self%put_as('[', key, '')
    end subroutine begin_array
 
    !> Write one of the numbers `values` for each name, into the open object or into a new one under
@@ -71,15 +71,6 @@ contains
 
       call self%put_as('j', key, value)
    end subroutine put_json
-
-   subroutine open_level(self, bracket, key)
-      class(json_type), intent(inout) :: self
-      character, intent(in) :: bracket
-      character(len=*), intent(in), optional :: key
-
-      if (present(key)) call self%put_as(bracket, key, '')
-      if (.not. present(key)) call self%put_as(bracket, '', '')
-   end subroutine open_level
 
    !> Close the innermost object or array.
    subroutine close_level(self)

@@ -10,7 +10,7 @@ module text
    implicit none
    private
    public :: line_type, add_line, newline, lower, join, split_list, quoted, append
-   public :: to_text, fixed, real_text, number_text, short_text, read_integer, read_real, &
+   public :: to_text, fixed, number_text, short_text, read_integer, read_real, &
       & number_ok, number_not_finite, number_malformed
 
    !> Ends a line of a text.
@@ -18,7 +18,7 @@ module text
 
    !> Forms of a real: the fewest digits that restore it, ten digits at most for people, a number of
    !> significant digits, a number of decimals.
-   integer, parameter, public :: fewest_digits = 0, few_digits = 1, significant = 2, fixed_point = 3
+   integer, parameter :: fewest_digits = 0, few_digits = 1, significant = 2, fixed_point = 3
 
    !> Outcomes of reading: a finite number; NaN, Infinity or an overflow; not a number.
    integer, parameter :: number_ok = 0, number_not_finite = 1, number_malformed = 2

@@ -10,7 +10,6 @@ module analysis_document
    use json, only: json_type
    use kinds, only: i8, nan, wp
    use resolved_namelist, only: resolved_text
-   use rivals, only: diagnosis_type
    use model_evidence, only: log_mass
    use named_values, only: named_values_reader_type, named_values_type, restore
    use observables, only: path_names, surface_path
@@ -50,9 +49,9 @@ contains
       call page%put('usable', is_usable(found%warnings))
       call page%begin_array('reasons')
       do i = 1, size(found%warnings)
-         associate (warning => found%warnings(i))
-            if (warning%severity() == 'unusable') call page%put('', warning%message())
-         end associate
+         if (found%warnings(i)%severity() == 'unusable') then
+            call page%put('', found%warnings(i)%message())
+         end if
       end do
       call page%end_array()
       call write_parameters(page, found)
@@ -93,12 +92,10 @@ contains
       call page%put('method', found%problem%settings%sampler%method)
       if (allocated(found%chains%estimates)) then
          associate (estimates => found%chains%estimates)
-            call page%begin_object('independent_draws')
-            call page%put('pareto_k', maxval(estimates%pareto_k))
-            call page%put('log_evidence', sum(estimates%log_integral)/size(estimates) &
-               & - log_mass(found%posterior))
-            call page%put('log_evidence_sd', norm2(estimates%log_integral_error)/size(estimates))
-            call page%end_object()
+            call page%put_numbers('pareto_k, log_evidence, log_evidence_sd', &
+               & [maxval(estimates%pareto_k), &
+               & sum(estimates%log_integral)/size(estimates) - log_mass(found%posterior), &
+               & norm2(estimates%log_integral_error)/size(estimates)], 'independent_draws')
          end associate
       end if
       call page%put('seconds', found%seconds)
@@ -113,7 +110,7 @@ contains
          call page%begin_array('assumptions')
          do i = 1, size(found%assumptions)
             associate (assumption => found%assumptions(i), constants => found%parameters)
-               call page%begin_object()
+               call page%begin_object('')
                call page%put('assumption', assumption%name)
                if (assumption%size > 0.0_wp) call page%put('size', assumption%size)
                call page%put_numbers(join(found%names(:size(assumption%shift)), ', '), &
@@ -138,7 +135,7 @@ contains
          call page%begin_array('found%diagnosis')
          do i = 1, size(found%diagnosis%rivals)
             associate (rival => found%diagnosis%rivals(i))
-               call page%begin_object()
+               call page%begin_object('')
                call page%put('explanation', rival%explanation)
                call page%put('group', rival%group)
                call page%put('log_odds', rival%log_odds)
@@ -210,8 +207,8 @@ contains
       k = found%posterior%n_constants
       call page%begin_object('laboratory')
       call page%put('technique', found%posterior%settings%technique)
-      associate (laboratory => found%posterior%laboratory, factor => found%predictions%factor)
-         call moments(log(flattened(factor)), mean, sd)
+      associate (laboratory => found%posterior%laboratory)
+         call moments(log(flattened(found%predictions%factor)), mean, sd)
          call page%begin_array('log_factor')
          do i = 1, size(mean)
             call page%put_numbers('mean, sd, prior_mean, prior_sd', [mean(i), sd(i), &
@@ -253,7 +250,7 @@ contains
       call page%begin_array('predicted')
       associate (table => found%problem%data%measurements)
          do i = 1, found%posterior%n_grains
-            call page%begin_object()
+            call page%begin_object('')
             call page%put_numbers('mean, sd, measured, measured_sd', &
                & [mean(i), sd(i), found%posterior%data%modulus(i), &
                & merge(table%sd_gpa(i), nan, table%sd_gpa(i) > 0.0_wp)])
@@ -328,7 +325,7 @@ contains
       subroutine begin(kind, name)
          character(len=*), intent(in) :: kind, name
 
-         call page%begin_object()
+         call page%begin_object('')
          call page%put('kind', kind)
          call page%put('name', name)
       end subroutine begin
@@ -349,7 +346,7 @@ contains
          call page%begin_array('knowledge')
          sd = known%sd()
          do j = 1, size(sd)
-            call page%begin_object()
+            call page%begin_object('')
             call page%put('name', known%quantities(j)%name)
             call page%put('unit', known%quantities(j)%unit)
             call page%put_numbers('mean, sd, conflict_sd', &

@@ -42,7 +42,6 @@ contains
       names = split_list(copied)
       columns = [(set%tests%find(trim(names(j))), j=1, size(names))]
       columns = pack(columns, columns > 0)
-      call file%begin(output//'/measurements.csv')
       call file%add('grain'//cells_of(0)//',effective_modulus_gpa,sd_gpa'//newline)
       do i = 1, size(grains)
          associate (grain => found%materials(grains(i)))
@@ -51,9 +50,8 @@ contains
                & //cells_of_numbers(exp(grain%ln_modulus)*[1.0_wp, grain%own_sd]))
          end associate
       end do
-      call file%finish(error)
+      call file%finish(output//'/measurements.csv', error)
       if (allocated(error)) return
-      call file%begin(output//'/shared_errors.csv')
       call file%add('grain')
       do j = 1, size(loadings, 2)
          call file%add(',shared_'//to_text(j))
@@ -62,9 +60,8 @@ contains
       do i = 1, size(grains)
          call file%add(csv_cell(found%materials(grains(i))%name)//cells_of_numbers(loadings(i, :)))
       end do
-      call file%finish(error)
+      call file%finish(output//'/shared_errors.csv', error)
       if (allocated(error)) return
-      call file%begin(output//'/fits.csv')
       call file%add('test,time_s,depth_nm,load_mn,fit_nm,elastic'//newline)
       do i = 1, size(found%tests)
          if (.not. allocated(found%tests(i)%fit)) cycle
@@ -75,7 +72,7 @@ contains
             end do
          end associate
       end do
-      call file%finish(error)
+      call file%finish(output//'/fits.csv', error)
 
    contains
 
@@ -132,7 +129,7 @@ contains
       call page%end_object()
       call page%begin_array('sessions')
       do i = 1, size(found%sessions)
-         call page%begin_object()
+         call page%begin_object('')
          call page%put('session', found%sessions(i)%text)
          call put_shared('factor', n_shared + i, 1.0_wp + found%mean(n_shared + i), 1.0_wp)
          call page%end_object()
@@ -167,24 +164,22 @@ contains
       end subroutine put_unknown
 
       subroutine put_tests()
-         real(wp) :: values(8)
          integer :: k
 
          call page%begin_array('tests')
          do k = 1, size(found%tests)
             associate (t => found%tests(k), c => set%curves(k))
-               call page%begin_object()
+               call page%begin_object('')
                call page%put('test', c%name)
                call page%put(trim(merge('reference', 'grain    ', c%reference)), c%material)
                call page%put('session', c%session)
                call page%put('used', t%used)
                call page%put('reason', t%reason)
-               values = [exp(t%ln_modulus)*[1.0_wp, sqrt(t%variance)], t%from_load, t%to_load, &
-                  & t%zero, t%drift, t%drift_sd, t%noise]
                ! NaN is written as null.
-               if (.not. t%used) values = nan
                call page%put_numbers('effective_modulus_gpa, sd_gpa, elastic_from_mn, ' &
-                  & //'elastic_to_mn, zero_nm, drift_nm_s, drift_sd_nm_s, noise_nm', values)
+                  & //'elastic_to_mn, zero_nm, drift_nm_s, drift_sd_nm_s, noise_nm', &
+                  & merge([exp(t%ln_modulus)*[1.0_wp, sqrt(t%variance)], t%from_load, &
+                  & t%to_load, t%zero, t%drift, t%drift_sd, t%noise], nan, t%used))
                call page%end_object()
             end associate
          end do
@@ -223,7 +218,7 @@ contains
             weight = 1.0_wp/(pack(tests%variance, own) + found%repeat_sd(2)**2)
             chi_square = chi_square + sum(weight*(values - sum(weight*values)/sum(weight))**2)
             freedom = freedom + size(values)
-            call page%begin_object()
+            call page%begin_object('')
             call page%put('grain', m%name)
             call page%put('tests', size(values))
             call page%put_numbers('effective_modulus_gpa, sd_gpa, own_sd_gpa', &

@@ -327,7 +327,7 @@ contains
       type(points_type), intent(in) :: points
       integer, intent(in) :: row
 
-      call page%begin_object()
+      call page%begin_object('')
       associate (names => points%classes(points%class(row))%constants)
          call page%put_numbers(join(names, ', '), points%constants(:size(names), row), 'constants')
       end associate

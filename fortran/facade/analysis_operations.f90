@@ -26,7 +26,7 @@ contains
          call self%infer(x%error)
          if (allocated(x%error)) return
          call check_analysis(self)
-         call page%begin_object()
+         call page%begin_object('')
          call write_analysis(self, page)
          call put_analysis(self, end_document(page, [self%problem%warnings, self%warnings]), x%out)
       case ('next')
@@ -34,13 +34,13 @@ contains
          ! The points are draws, which have the factor on the sds itself, not its logarithm.
          call self%prepare(x%error)
          if (allocated(x%error)) return
-         call page%begin_object()
+         call page%begin_object('')
          call suggest_measurements(self, x%in%columns('points', self%posterior%dimension), page, &
             & x%error)
          x%text = end_document(page, [self%problem%warnings, self%warnings])
       case ('plan')
          !> -> text
-         call page%begin_object()
+         call page%begin_object('')
          call plan_measurements(self, page, x%error)
          x%text = end_document(page, self%problem%warnings)
       case default

@@ -32,7 +32,6 @@ contains
       real(wp), pointer :: columns(:, :), c(:, :, :)
       type(measurements_settings_type) :: settings
       type(observable_type) :: observable
-      real(wp), allocatable :: stiffness(:, :, :)
       type(wave_type), allocatable :: waves(:)
       character(len=:), allocatable :: symmetry, wanted(:)
       integer :: i
@@ -52,8 +51,8 @@ contains
       case ('stiffness')
          !> symmetry, constants -> stiffness
          ! Stiffnesses of crystals with these constants (k, n).
-         stiffness = class%stiffnesses(x%in%columns('constants', class%n_constants))
-         call x%out%put('stiffness', stiffness)
+         call x%out%put('stiffness', &
+            & class%stiffnesses(x%in%columns('constants', class%n_constants)))
       case ('averages')
          !> stiffness -> values
          ! Anisotropy index (Eq. 14) and log-anisotropy, NaN if the crystal is not stable; bulk and

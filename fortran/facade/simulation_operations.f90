@@ -231,11 +231,9 @@ contains
             call stage%look_ahead(x%in%integer('count'), numbers, x%error)
             if (allocated(x%error)) return
             call x%out%put('constants', stage%learning%learner%basis%domain%class%constants)
-            associate (candidates => stage%candidates)
-               x%values = reshape([(candidates%constants(:, numbers(i)), &
-                  & candidates%euler_deg(:, numbers(i)), i=1, size(numbers))], &
-                  & [size(candidates%constants, 1) + 3, size(numbers)])
-            end associate
+            x%values = reshape([(stage%candidates%constants(:, numbers(i)), &
+               & stage%candidates%euler_deg(:, numbers(i)), i=1, size(numbers))], &
+               & [size(stage%candidates%constants, 1) + 3, size(numbers)])
             call x%out%put('warnings', diagnostics_text(stage%warnings))
          end select
       case default

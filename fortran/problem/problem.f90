@@ -202,10 +202,9 @@ contains
       class(problem_type), intent(in) :: self
       type(error_type), allocatable, intent(inout) :: error
 
-      associate (stated => self%settings%curves)
-         call self%locate('curves', trim(merge('file ', 'files', allocated(stated%file))), error, &
-            & stated%file)
-      end associate
+      call self%locate('curves', &
+         & trim(merge('file ', 'files', allocated(self%settings%curves%file))), error, &
+         & self%settings%curves%file)
    end subroutine locate_curves
 
 end module problem

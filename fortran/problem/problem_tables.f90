@@ -182,17 +182,17 @@ contains
          if (allocated(s%references%crystals)) then
             call read_file('references', 'crystals', s%references%crystals, problem%data%references)
             if (allocated(error)) return
-            associate (references => problem%data%references)
-               call find_column(references%table, 'reference', references%named_by, error, .true.)
-            end associate
+            call find_column(problem%data%references%table, 'reference', &
+               & problem%data%references%named_by, error, .true.)
             if (allocated(error)) return
          end if
          if (any(['latin    ', 'factorial'] == s%design%candidates)) return
          call read_file('design', 'candidates', s%design%candidates, problem%data%candidates)
       end associate
       if (allocated(error) .or. .not. allocated(problem%class%name)) return
-      associate (points => problem%data%candidates, name => problem%class%name)
-         i = findloc([(points%classes(points%class(i))%name == name, i=1, points%n)], .false., 1)
+      associate (points => problem%data%candidates)
+         i = findloc([(points%classes(points%class(i))%name == problem%class%name, &
+            & i=1, points%n)], .false., 1)
          if (i > 0) then
             call refuse(error, 'line '//to_text(points%table%line(i)) &
                & //': the crystal is not of the symmetry of &problem')
@@ -396,9 +396,8 @@ contains
       type(problem_type), intent(in) :: problem
       type(error_type), allocatable, intent(inout) :: error
 
-      associate (stated => problem%settings%measurements)
-         call problem%locate('measurements', trim(merge('file', '    ', allocated(stated%file))), &
-            & error, stated%file)
-      end associate
+      call problem%locate('measurements', &
+         & trim(merge('file', '    ', allocated(problem%settings%measurements%file))), error, &
+         & problem%settings%measurements%file)
    end subroutine locate_table
 end module problem_tables

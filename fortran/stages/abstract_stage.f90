@@ -207,7 +207,7 @@ contains
 
       call self%campaign%file%close()
       self%done = self%output//'/'//self%document_file
-      call page%begin_object()
+      call page%begin_object('')
       call self%finish(page, error)
       if (allocated(error)) return
       call page%put_json('warnings', diagnostics_text([self%problem%warnings, self%warnings]))

@@ -80,7 +80,7 @@ contains
          if (allocated(self%focus)) call put_focus()
          call page%begin_array('history')
          do i = 1, size(learning%history)
-            call page%begin_object()
+            call page%begin_object('')
             call page%put('simulations', learning%history(i)%simulations)
             call put_state(page, learning%history(i))
             call page%end_object()
@@ -107,7 +107,7 @@ contains
          call page%begin_array('focus')
          do k = 1, size(self%focus%rounds)
             associate (round => self%focus%rounds(k), names => self%problem%class%constants)
-               call page%begin_object()
+               call page%begin_object('')
                call page%put('simulations', round%simulations)
                call page%put_numbers(join(names, ', '), round%share, 'surrogate_share')
                call page%put('rms_z', merge(round%z, nan, round%z >= 0.0_wp))
@@ -134,19 +134,18 @@ contains
 
          where = 'in the domain'
          if (allocated(self%focus)) where = 'at the posterior'
-         associate (domain => surrogate%basis%domain, candidates => self%candidates)
-            call predict_crystals(surrogate, domain%class%stiffnesses(candidates%constants), &
-               & degree*candidates%euler_deg, 1, modulus, sd, error)
-            if (allocated(error)) return
-            relative_sd = sd/modulus
-            call page%begin_object('domain')
-            call page%put_numbers('mean_relative_sd, largest_relative_sd', &
-               & [sum(relative_sd)/size(relative_sd), maxval(relative_sd)])
-            call page%put('words', 'the sd of a modulus '//where//' is ' &
-               & //to_text(100.0_wp*sum(relative_sd)/size(relative_sd), 2)//' % on average, ' &
-               & //to_text(100.0_wp*maxval(relative_sd), 2)//' % at most')
-            call page%end_object()
-         end associate
+         call predict_crystals(surrogate, &
+            & surrogate%basis%domain%class%stiffnesses(self%candidates%constants), &
+            & degree*self%candidates%euler_deg, 1, modulus, sd, error)
+         if (allocated(error)) return
+         relative_sd = sd/modulus
+         call page%begin_object('domain')
+         call page%put_numbers('mean_relative_sd, largest_relative_sd', &
+            & [sum(relative_sd)/size(relative_sd), maxval(relative_sd)])
+         call page%put('words', 'the sd of a modulus '//where//' is ' &
+            & //to_text(100.0_wp*sum(relative_sd)/size(relative_sd), 2)//' % on average, ' &
+            & //to_text(100.0_wp*maxval(relative_sd), 2)//' % at most')
+         call page%end_object()
       end subroutine put_domain
    end subroutine finish
 
@@ -156,18 +155,17 @@ contains
       character(len=:), allocatable :: text
       type(json_type) :: page
 
-      associate (learning => build%learning, problem => build%problem, &
-         & last => build%learning%history(size(build%learning%history)))
-         call page%begin_object()
+      associate (last => build%learning%history(size(build%learning%history)))
+         call page%begin_object('')
          call page%put('title', 'surrogate of the indentation modulus of ' &
-            & //learning%learner%basis%domain%members//' crystals')
-         call page%put('physics', identity_text(problem%settings))
-         call page%put('simulations', learning%n())
-         call page%put('seed', problem%settings%problem%seed)
+            & //build%learning%learner%basis%domain%members//' crystals')
+         call page%put('physics', identity_text(build%problem%settings))
+         call page%put('simulations', build%learning%n())
+         call page%put('seed', build%problem%settings%problem%seed)
          call page%put_numbers('loocv_gpa, leave_crystal_out_gpa', &
             & [last%loocv, last%leave_crystal_out])
          ! The groups that determine the surrogate are the same for every command.
-         call page%put('namelist', settings_namelist(problem%settings, build%groups))
+         call page%put('namelist', settings_namelist(build%problem%settings, build%groups))
          call page%end_object()
       end associate
       text = page%text()
@@ -178,9 +176,8 @@ contains
       type(json_type), intent(inout) :: page
       type(history_type), intent(in) :: state
 
-      call page%put_numbers('loocv_gpa, leave_crystal_out_gpa', &
-         & [state%loocv, state%leave_crystal_out])
-      call page%put('next_gpa', merge(state%next, nan, state%next >= 0.0_wp))
+      call page%put_numbers('loocv_gpa, leave_crystal_out_gpa, next_gpa', [state%loocv, &
+         & state%leave_crystal_out, merge(state%next, nan, state%next >= 0.0_wp)])
       call page%put_numbers('alpha, beta, fall, log_evidence, norm, angle_deg', [state%alpha, &
          & state%beta, state%decay_rate, state%log_evidence, state%norm, state%angle_deg])
    end subroutine put_state
@@ -215,17 +212,16 @@ contains
          call new_learner(basis, learner, error)
          if (allocated(error)) return
          do i = 1, n_counts
-            associate (known => learning%learner%simulations, last => counts(i))
-               call add_simulations(learner, known%of_rows([(j, j=counts(i - 1) + 1, last)]), &
-                  & .true., error)
-               if (allocated(error)) return
-               call fit_learner(learner, error)
-               if (allocated(error)) return
-               call left_out(learner, [(j, j=1, last)], errors(i), error)
-               if (allocated(error)) return
-            end associate
+            call add_simulations(learner, &
+               & learning%learner%simulations%of_rows([(j, j=counts(i - 1) + 1, counts(i))]), &
+               & .true., error)
+            if (allocated(error)) return
+            call fit_learner(learner, error)
+            if (allocated(error)) return
+            call left_out(learner, [(j, j=1, counts(i))], errors(i), error)
+            if (allocated(error)) return
          end do
-         call page%begin_object()
+         call page%begin_object('')
          call page%put('degree', settings%degree)
          call page%put('bandlimit', settings%bandlimit)
          call page%put('terms', basis%n_terms)
@@ -248,10 +244,9 @@ contains
       type(surrogate_type), intent(in) :: surrogate
       type(error_type), allocatable, intent(out) :: error
       real(wp), dimension(size(build%unseen_modulus)) :: mean, sd, deviation
-      associate (class => surrogate%basis%domain%class)
-         call predict_crystals(surrogate, class%stiffnesses(build%unseen_constants), &
-            & degree*build%unseen_euler_deg, 1, mean, sd, error)
-      end associate
+      call predict_crystals(surrogate, &
+         & surrogate%basis%domain%class%stiffnesses(build%unseen_constants), &
+         & degree*build%unseen_euler_deg, 1, mean, sd, error)
       deviation = abs(mean - build%unseen_modulus)
       call page%begin_object('validation')
       call page%put('points', size(mean))

@@ -60,7 +60,6 @@ contains
          character(len=:), allocatable :: line
          integer :: i, j, chain
 
-         call file%begin(self%output//'/'//draws_name)
          call file%add('chain,draw,'//join(self%analysis%names, ',')//',log_density'//newline)
          associate (chains => self%analysis%chains)
             do chain = 1, size(chains%draws, 3)
@@ -73,7 +72,7 @@ contains
                end do
             end do
          end associate
-         call file%finish(error)
+         call file%finish(self%output//'/'//draws_name, error)
       end subroutine write_draws
    end subroutine finish
 end module extract_stage

@@ -26,10 +26,7 @@ contains
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
       real(wp), allocatable :: draws(:, :)
-      logical :: lost
 
-      lost = file_exists(self%output//'/summary.json') &
-         & .and. .not. file_exists(self%output//'/posterior.bin')
       call stored_draws(self%output, inputs_of(self%problem, self%groups_of_posterior, &
          & self%places), self%analysis%posterior%dimension, draws, error)
       if (allocated(error)) return
@@ -40,6 +37,9 @@ contains
       end if
       call suggest_measurements(self%analysis, draws, page, error)
       self%warnings = self%analysis%warnings
-      if (lost) call self%warn('sampled_anew', self%output//'/posterior.bin')
+      if (file_exists(self%output//'/summary.json') &
+         & .and. .not. file_exists(self%output//'/posterior.bin')) then
+         call self%warn('sampled_anew', self%output//'/posterior.bin')
+      end if
    end subroutine finish
 end module next_stage

@@ -129,7 +129,6 @@ contains
          type(new_file_type) :: file
          integer :: i, j
 
-         call file%begin(self%output//'/curves.csv')
          call file%add('point,depth_um,force_mn,modulus_gpa'//newline)
          do i = 1, size(rows)
             do j = 1, size(rows(i)%outcome%depth)
@@ -139,7 +138,7 @@ contains
                end associate
             end do
          end do
-         call file%finish(error)
+         call file%finish(self%output//'/curves.csv', error)
       end subroutine write_curves
    end subroutine finish
 end module simulate_stage

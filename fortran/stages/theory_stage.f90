@@ -26,13 +26,13 @@ contains
       class(theory_stage_type), intent(inout) :: self
       type(json_type), intent(inout) :: page
       type(error_type), allocatable, intent(out) :: error
-      real(wp), allocatable :: modulus(:), circular(:), velocity(:)
+      real(wp), allocatable :: modulus(:), velocity(:)
       type(film_type), allocatable :: films(:)
       type(wave_type), allocatable :: waves(:)
       integer :: i
 
       associate (points => self%problem%data%crystals)
-         allocate (modulus(points%n), circular(points%n))
+         allocate (modulus(points%n))
          if (self%problem%settings%specimen%geometry == film_name) then
             allocate (films(points%n))
             call indent_films(self%problem, points%stiffness, points%euler_deg, &
@@ -40,7 +40,7 @@ contains
             modulus = films%modulus
          else
             call halfspace_moduli(points%stiffness, points%euler_deg, &
-               & self%problem%threads(), modulus, error, circular)
+               & self%problem%threads(), modulus, error)
             call self%problem%locate('crystals', 'points', error)
          end if
          if (.not. allocated(error) .and. all(points%paths%is_speed()) &

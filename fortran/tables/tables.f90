@@ -351,7 +351,6 @@ contains
 
       added = split_list(names)
       kept = [(all(added /= table%name(j)), j=1, table%columns)]
-      call file%begin(path)
       do i = 0, table%rows
          line = ''
          do j = 1, table%columns
@@ -364,7 +363,7 @@ contains
          line(len(line):) = newline
          call file%add(line)
       end do
-      call file%finish(error)
+      call file%finish(path, error)
    end subroutine write_table
 
    !> Checksum of all cells.

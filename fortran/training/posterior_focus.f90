@@ -181,12 +181,11 @@ contains
          integer :: n
 
          n = size(stiffness, 3)
-         associate (class => focus%domain%class, grains => problem%data%measurements)
-            candidates%constants = &
-               & reshape([(class%constants_of(stiffness(:, :, i)), i=1, n)], [class%n_constants, n])
-            candidates%euler_deg = &
-               & grains%euler_deg(:, [(modulo(i, grains%n) + 1, i=0, n - 1)])
-         end associate
+         candidates%constants = &
+            & reshape([(focus%domain%class%constants_of(stiffness(:, :, i)), i=1, n)], &
+            & [focus%domain%class%n_constants, n])
+         candidates%euler_deg = problem%data%measurements%euler_deg(:, &
+            & [(modulo(i, problem%data%measurements%n) + 1, i=0, n - 1)])
       end subroutine make_candidates
 
       !> Set the root mean square of (simulated - predicted)/sd, with the surrogate of the previous
@@ -198,9 +197,10 @@ contains
 
          if (size(focus%rounds) == 0) return
          first = focus%rounds(size(focus%rounds))%simulations + tempered + 1
-         associate (known => surrogate%simulations, class => surrogate%basis%domain%class)
-            if (first > size(mean)) return
-            call predict_crystals(focus%surrogate, class%stiffnesses(known%constants(:, first:)), &
+         if (first > size(mean)) return
+         associate (known => surrogate%simulations)
+            call predict_crystals(focus%surrogate, &
+               & surrogate%basis%domain%class%stiffnesses(known%constants(:, first:)), &
                & degree*known%euler_deg(:, first:), 1, mean(first:), sd(first:), failure)
             if (.not. allocated(failure)) then
                round%z = norm2((known%modulus(first:) - mean(first:))/sd(first:)) &

@@ -13,7 +13,7 @@ program test_json
    integer :: i
 
    call check('nothing written', document%text() == '')
-   call document%begin_object()
+   call document%begin_object('')
    call document%put('text', 'a "b" \ c'//newline//achar(1))
    call document%put('real', -0.1_wp)
    call document%put('large', 1.0e22_wp)
@@ -23,7 +23,7 @@ program test_json
    call document%put_json('none', 'null')
    call document%begin_array('rows')
    call document%put('', [1.0_wp, ieee_value(1.0_wp, ieee_positive_inf)])
-   call document%begin_object()
+   call document%begin_object('')
    call document%end_object()
    call document%end_array()
    call document%put('matrix', reshape([1.0_wp, 2.0_wp, 3.0_wp, 4.0_wp], [2, 2]))
@@ -60,7 +60,7 @@ program test_json
       & outcome_of('')] == number_malformed))
 
    document = json_type()
-   call document%begin_array()
+   call document%begin_array('')
    do i = 1, 2000
       call document%put('', 'a text that makes the page grow')
    end do

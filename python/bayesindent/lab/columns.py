@@ -127,7 +127,8 @@ def split_deviation(header: str) -> tuple[str, str]:
 
 def meaning_of(header: str) -> str:
     """The canonical name of a header; '' if it is not read."""
-    header = without_mean(header)
+    # Without a word for the mean: 'Er (GPa)' of 'Mean Er (GPa)'.
+    header = re.sub(r"\b[ _]*(mean|average|avg)[ _]*\b", " ", header, flags=re.I).strip() or header
     lowered, (word, unit) = header.lower(), split_name(header)
     if lowered in DIRECTIONS or SHARED.fullmatch(lowered):
         return lowered
@@ -141,11 +142,6 @@ def meaning_of(header: str) -> str:
         ):
             return column.name
     return ""
-
-
-def without_mean(name: str) -> str:
-    """A header without a word for the mean: 'Er (GPa)' of 'Mean Er (GPa)'."""
-    return re.sub(r"\b[ _]*(mean|average|avg)[ _]*\b", " ", name, flags=re.I).strip() or name
 
 
 def stated_columns(stated: Iterable[str], names: Sequence[str]) -> dict[str, str]:
