@@ -132,7 +132,7 @@ contains
       subroutine write_diagnosis()
          integer :: i, j
 
-         call page%begin_array('found%diagnosis')
+         call page%begin_array('diagnosis')
          do i = 1, size(found%diagnosis%rivals)
             associate (rival => found%diagnosis%rivals(i))
                call page%begin_object('')
