@@ -96,7 +96,8 @@ contains
                   end if
                end associate
             end if
-            if (diagnosis%order_odds > 0.0_wp .and. found%is_misfit(greatest_p)) then
+            if (diagnosis%order_odds > 0.0_wp .and. .not. diagnosis%follows_order &
+               & .and. found%is_misfit(greatest_p)) then
                call found%warn('unexplained', numbers=[diagnosis%chi_square, diagnosis%freedom, &
                   & diagnosis%order_odds])
             end if

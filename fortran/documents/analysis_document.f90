@@ -105,7 +105,7 @@ contains
       !> Write the assumptions that no measurement can refute. The text names the constant that
       !> would change most, relative to its sd.
       subroutine write_assumptions()
-         integer :: i, k
+         integer :: i, k, digits
 
          call page%begin_array('assumptions')
          do i = 1, size(found%assumptions)
@@ -118,9 +118,10 @@ contains
                call page%put('included', assumption%included)
                k = maxloc(abs(assumption%shift)/constants(:size(assumption%shift))%sd, dim=1)
                if (k > 0) then
+                  digits = merge(0, 1, abs(assumption%shift(k)) >= 1.0_wp)
                   call page%put('text', 'If '//assumption%condition//', '//trim(found%names(k))// &
-                     & ' is '//fixed(constants(k)%mean + assumption%shift(k), 0)//', not ' &
-                     & //fixed(constants(k)%mean, 0)//' GPa.')
+                     & ' is '//fixed(constants(k)%mean + assumption%shift(k), digits)//', not ' &
+                     & //fixed(constants(k)%mean, digits)//' GPa.')
                end if
                call page%end_object()
             end associate

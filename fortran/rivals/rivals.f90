@@ -65,8 +65,11 @@ module rivals
       !> probability of a larger one, and the factor on the sds that would mend it. NaN where the
       !> sds are not stated.
       real(wp) :: chi_square = nan, freedom = nan, p = nan, factor = nan
-      !> Log evidence of the orientations in any order over that of the stated order.
-      real(wp) :: order_odds = -huge(1.0_wp)
+      !> Log evidence of the orientations in any order over that of the stated order; NaN if it is
+      !> not known. Whether the moduli follow the stated order more closely than a random one, with
+      !> whatever sds.
+      real(wp) :: order_odds = nan
+      logical :: follows_order = .false.
       !> Share of each constant's distribution that the stated bounds admit, if the measurements
       !> alone determine the constant, (n_constants); else 1.
       real(wp), allocatable :: share_within(:)
@@ -130,6 +133,8 @@ contains
       end if
       associate (fit => diagnosis%stated%fit)
          call fit_model(case%stated, case%crystal, .true., .false., fit)
+         ! Of many constants the draws may be too few. Laplace's approximation remains.
+         if (.not. fit%found) call fit_model(case%stated, case%crystal, .false., .false., fit)
          ! In the corner of narrow limits the integral may not be found. It is below its maximum.
          if (.not. fit%found) fit%log_z = log_likelihood
          if (.not. (fit%found .or. size(case%points) == posterior%n_grains)) return
@@ -175,6 +180,8 @@ contains
             freedom = n - harmonics%n
             diagnosis%p = chi_square_above(chi_square, nint(freedom))
             diagnosis%factor = sqrt(chi_square/freedom)
+            diagnosis%follows_order = explains_more(model(:n) + scales(:n)*residuals(:n), &
+               & scales(:n), residuals(:n), harmonics%n)
          end associate
       end subroutine set_misfit
 
@@ -207,6 +214,24 @@ contains
          end do
       end subroutine find_cuts
    end subroutine compare_rivals
+
+   !> Whether a model explains a larger share of the scatter of some values than it would of values
+   !> in random order, of which the share has a beta distribution: its mean and four sds.
+   pure logical function explains_more(values, sds, residuals, n_parameters)
+      !> The values and their sds; what the model leaves, in sds, (n).
+      real(wp), intent(in) :: values(:), sds(:), residuals(:)
+      !> Number of parameters of the model, one of which is a constant.
+      integer, intent(in) :: n_parameters
+      real(wp) :: mean, expected, sd, k, n
+
+      n = size(values) - 1.0_wp
+      k = n_parameters - 1.0_wp
+      mean = sum(values/sds**2)/sum(1.0_wp/sds**2)
+      expected = k/n
+      sd = sqrt(2.0_wp*expected*(1.0_wp - expected)/(n + 2.0_wp))
+      explains_more = 1.0_wp - sum(residuals**2)/sum(((values - mean)/sds)**2) &
+         & > expected + 4.0_wp*sd
+   end function explains_more
 
    !> Turn evidences into posterior odds, and sort them.
    subroutine weigh(diagnosis)
@@ -249,6 +274,8 @@ contains
             end associate
             if (.not. fit%found) cycle
             fit%log_z = found%fit%log_z + fit%log_z - rough
+            ! Only approximations of the same kind are compared.
+            if (.not. allocated(diagnosis%stated%fit%draws)) fit%log_z = found%fit%log_z
             found%fit = fit
             call set_moments(rival%posterior, found)
          end associate
