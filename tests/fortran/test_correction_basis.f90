@@ -17,7 +17,7 @@ program test_correction_basis
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: spread_crystals
    use surrogate_model, only: load_surrogate, new_grain_model, save_surrogate, &
-      & surrogate_type, values_alone
+      & surrogate_type
    use testing, only: check, check_close, check_refused, check_success, class_of, evaluate_terms, &
       & finish, new_domain, predict, wide
    implicit none
@@ -409,8 +409,8 @@ contains
       end do
       surrogate%covariance = matmul(factor, transpose(factor))/n
       surrogate%covariance = 0.5_wp*(surrogate%covariance + transpose(surrogate%covariance))
-      surrogate%simulations = values_alone(reshape([real(wp) ::], [21, 0]), &
-         & reshape([real(wp) ::], [3, 0]), [real(wp) ::])
+      allocate (surrogate%simulations%constants(21, 0), surrogate%simulations%euler_deg(3, 0), &
+         & surrogate%simulations%modulus(0))
       surrogate%beta = 1.0e6_wp
    end function random_surrogate
 
@@ -507,9 +507,6 @@ contains
       surrogate%provenance = '{}'
       surrogate%decay_rate = 1.0_wp/3.0_wp
       surrogate%contact_radius = 0.3_wp
-      associate (known => surrogate%simulations, class => surrogate%basis%domain%class)
-         allocate (known%constants(class%n_constants, 0), known%euler_deg(3, 0), known%modulus(0))
-      end associate
       call save_surrogate(surrogate, path, error)
       call check_success('a correction is written', error)
       call load_surrogate(path, copy, error)

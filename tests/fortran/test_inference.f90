@@ -22,7 +22,7 @@ program test_inference
    use text, only: split_list, to_text
    use linear_algebra, only: exp_all, transposed_product
    implicit none
-   character(len=len(sampler_names)), allocatable :: names(:)
+   character(len=:), allocatable :: names(:)
    integer :: k
 
    ! Some 10,000 effective samples, and 2,000: five standard errors.
@@ -37,7 +37,7 @@ program test_inference
       call test_mixture()
       call test_pareto_shape()
       ! Those of the list, and the one that draws from priors.
-      allocate (names, source=split_list(sampler_names//', direct'))
+      names = split_list(sampler_names//', direct')
       do k = 1, size(names)
          call test_any_sampler(trim(names(k)))
       end do

@@ -41,6 +41,7 @@ contains
    !> Films of crystals on crystals, computed elsewhere. The stated errors of three of them, stiff
    !> films on soft substrates, are too small by a factor of 1.7.
    subroutine test_films()
+      class(indenter_type), allocatable :: indenter
       type(layers_type) :: layers
       type(contact_type) :: contacts(10)
       type(error_type), allocatable :: error
@@ -65,7 +66,8 @@ contains
          do i = 1, 10
             expected(i) = sum(numbers(field(line, 9 + i), 1))
          end do
-         call indent_layers(layers, indenter_of('paraboloid', radius), [(0.05_wp*i, i=1, 10)], 1, &
+         call make_indenter('paraboloid', radius, indenter)
+         call indent_layers(layers, indenter, [(0.05_wp*i, i=1, 10)], 1, &
             & 1.0e-6_wp, contacts, error)
          call check_success('film '//to_text(rows), error)
          if (allocated(error)) cycle
@@ -107,8 +109,7 @@ contains
          if (base(1) > 0.0_wp) layers%c(:, :, 2) = stiffness_of('hexagonal', base)
          layers%thickness = numbers(field(line, 3), 1)
          ! gfortran 12 copies to freed memory where the type of an allocated variable changes.
-         if (allocated(indenter)) deallocate (indenter)
-         indenter = indenter_of(field(line, 4), sum(numbers(field(line, 5), 1)))
+         call make_indenter(field(line, 4), sum(numbers(field(line, 5), 1)), indenter)
          do i = 1, 3
             exact(i:i) = numbers(field(line, 5 + i), 1)
          end do
@@ -136,6 +137,7 @@ contains
 
    !> A layer on its own material, one or two of them, is a half-space.
    subroutine test_own_substrate()
+      class(indenter_type), allocatable :: indenter
       type(layers_type) :: layers
       type(contact_type) :: contact(1)
       type(halfspace_type) :: halfspace
@@ -149,7 +151,8 @@ contains
          do n = 1, 2
             layers%c = spread(rotate_stiffness(own(i), rotation_matrix(euler)), 3, n + 1)
             layers%thickness = spread(0.2_wp, 1, n)
-            call indent_layers(layers, indenter_of('paraboloid', 16.0_wp), [0.4_wp], 1, 1.0e-7_wp, &
+            call make_indenter('paraboloid', 16.0_wp, indenter)
+            call indent_layers(layers, indenter, [0.4_wp], 1, 1.0e-7_wp, &
                & contact, error)
             call check_success('a crystal on itself', error)
             modulus = 0.75_wp*contact(1)%force/(4.0_wp*contact(1)%depth**1.5_wp)
@@ -171,9 +174,8 @@ contains
       layers%c = spread(isotropic_stiffness(100.0_wp, 0.25_wp), 3, 2)
       layers%thickness = [1.0_wp]
       do i = 1, 2
-         if (allocated(indenter)) deallocate (indenter)
-         if (i == 1) indenter = indenter_of('sphere', 0.8_wp)
-         if (i == 2) indenter = indenter_of('cone', 70.0_wp)
+         if (i == 1) call make_indenter('sphere', 0.8_wp, indenter)
+         if (i == 2) call make_indenter('cone', 70.0_wp, indenter)
          call indent_layers(layers, indenter, [0.5_wp], 3, 1.0e-8_wp, contact, error)
          call check_success('an isotropic half-space', error)
          force = 100.0_wp/(1.0_wp - 0.25_wp**2)*indenter%unit_force(contact(1)%depth)
@@ -184,6 +186,7 @@ contains
 
    !> A layer that is cut into three is the same layer, on a crystal and on a rigid base.
    subroutine test_split_layer()
+      class(indenter_type), allocatable :: indenter
       type(layers_type) :: whole, parts
       type(contact_type) :: expected(3), contacts(3)
       type(error_type), allocatable :: error
@@ -199,10 +202,12 @@ contains
             parts%c = parts%c(:, :, :3)
          end if
          parts%thickness = [0.15_wp, 0.05_wp, 0.2_wp]
-         call indent_layers(whole, indenter_of('paraboloid', 16.0_wp), radii, 1, 1.0e-6_wp, &
+         call make_indenter('paraboloid', 16.0_wp, indenter)
+         call indent_layers(whole, indenter, radii, 1, 1.0e-6_wp, &
             & expected, error)
          call check_success('one layer', error)
-         call indent_layers(parts, indenter_of('paraboloid', 16.0_wp), radii, 1, 1.0e-6_wp, &
+         call make_indenter('paraboloid', 16.0_wp, indenter)
+         call indent_layers(parts, indenter, radii, 1, 1.0e-6_wp, &
             & contacts, error)
          call check_success('three layers', error)
          call check_close('their forces', maxval(abs(contacts%force/expected%force - 1.0_wp)), &
@@ -225,8 +230,7 @@ contains
       layers%c = film(1)
       layers%thickness = [0.5_wp]
       do i = 1, 3
-         if (allocated(indenter)) deallocate (indenter)
-         indenter = indenter_of(trim(shapes(i)), sizes(i))
+         call make_indenter(trim(shapes(i)), sizes(i), indenter)
          depths = indenter%depth_of(0.5_wp)*[0.98_wp, 0.99_wp, 1.0_wp, 1.01_wp, 1.02_wp]
          call indent_layers(layers, indenter, indenter%contact_radius_of(depths), 3, 1.0e-6_wp, &
             & contacts, error)
@@ -240,19 +244,22 @@ contains
 
    !> A turn about the axis of the indenter changes nothing.
    subroutine test_turn()
+      class(indenter_type), allocatable :: indenter
       type(layers_type) :: layers
       type(contact_type) :: contact(1), turned(1)
       type(error_type), allocatable :: error
 
       layers%c = film(1)
       layers%thickness = [0.5_wp]
-      call indent_layers(layers, indenter_of('paraboloid', 16.0_wp), [0.5_wp], 1, 1.0e-7_wp, &
+      call make_indenter('paraboloid', 16.0_wp, indenter)
+      call indent_layers(layers, indenter, [0.5_wp], 1, 1.0e-7_wp, &
          & contact, error)
       layers%c(:, :, 1) = rotate_stiffness(layers%c(:, :, 1), &
          & rotation_matrix([0.4_wp, 0.0_wp, 0.0_wp]))
       layers%c(:, :, 2) = rotate_stiffness(layers%c(:, :, 2), &
          & rotation_matrix([0.4_wp, 0.0_wp, 0.0_wp]))
-      call indent_layers(layers, indenter_of('paraboloid', 16.0_wp), [0.5_wp], 1, 1.0e-7_wp, &
+      call make_indenter('paraboloid', 16.0_wp, indenter)
+      call indent_layers(layers, indenter, [0.5_wp], 1, 1.0e-7_wp, &
          & turned, error)
       call check_success('a turned film', error)
       call check_close('its force', turned(1)%force/contact(1)%force, 1.0_wp, 1.0e-8_wp)
@@ -260,6 +267,7 @@ contains
 
    !> Where the theory ends, a message says why.
    subroutine test_limits()
+      class(indenter_type), allocatable :: indenter
       type(layers_type) :: layers
       type(contact_type) :: contact(1)
       type(error_type), allocatable :: error
@@ -267,14 +275,16 @@ contains
       layers%c = film(1)
       layers%thickness = [0.02_wp, 0.02_wp]
       layers%c = layers%c(:, :, [1, 1, 2])
-      call indent_layers(layers, indenter_of('paraboloid', 16.0_wp), [0.5_wp], 1, 1.0e-5_wp, &
+      call make_indenter('paraboloid', 16.0_wp, indenter)
+      call indent_layers(layers, indenter, [0.5_wp], 1, 1.0e-5_wp, &
          & contact, error)
       call check_refused('a thin film', error, 'um on layers 0.04 um thick is beyond the theory')
       layers%c = layers%c(:, :, :2)
       layers%c(:, :, 1) = rotate_stiffness(stiffness_of('cubic', [130.0_wp, 129.999_wp, &
          & 100.0_wp]), rotation_matrix([0.1_wp, 0.6_wp, 0.2_wp]))
       layers%thickness = [0.06_wp]
-      call indent_layers(layers, indenter_of('paraboloid', 16.0_wp), [0.5_wp], 1, 1.0e-5_wp, &
+      call make_indenter('paraboloid', 16.0_wp, indenter)
+      call indent_layers(layers, indenter, [0.5_wp], 1, 1.0e-5_wp, &
          & contact, error)
       call check_refused('a nearly unstable film', error, 'as near elastic instability')
    end subroutine test_limits
@@ -297,10 +307,10 @@ contains
    end function film
 
    !> An indenter by its shape and its radius (um) or half-angle (degrees).
-   function indenter_of(shape, size) result(indenter)
+   subroutine make_indenter(shape, size, indenter)
       character(len=*), intent(in) :: shape
       real(wp), intent(in) :: size
-      class(indenter_type), allocatable :: indenter
+      class(indenter_type), allocatable, intent(out) :: indenter
       type(settings_type) :: settings
       type(error_type), allocatable :: error
 
@@ -310,7 +320,7 @@ contains
       settings%indenter%half_angle_deg = size
       call new_indenter(settings%indenter, indenter, error)
       if (allocated(error)) call check_success('an indenter', error)
-   end function indenter_of
+   end subroutine make_indenter
 
    !> Stiffness in sample axes of a crystal of films.csv; isotropic ones have Young's modulus and
    !> Poisson's ratio.

@@ -13,7 +13,7 @@ program test_surrogate_model
    use settings_schema, only: surrogate_settings_type
    use surrogate_domain, only: domain_type, spread_crystals
    use surrogate_model, only: load_surrogate, new_grain_model, new_theory_surrogate, &
-      & predict_crystals, save_surrogate, surrogate_type, values_alone
+      & predict_crystals, save_surrogate, surrogate_type
    use testing, only: check, check_close, check_refused, check_success, clenshaw_curtis_weight, &
       & evaluate_terms, finish, new_domain, new_wide_domain, predict
    implicit none
@@ -369,8 +369,8 @@ contains
          end do
       end do
       surrogate%covariance = matmul(root, transpose(root))
-      surrogate%simulations = values_alone(reshape([real(wp) ::], [5, 0]), &
-         & reshape([real(wp) ::], [3, 0]), [real(wp) ::])
+      allocate (surrogate%simulations%constants(5, 0), surrogate%simulations%euler_deg(3, 0), &
+         & surrogate%simulations%modulus(0))
       c = surrogate%basis%domain%class%stiffness(crystal)
       do i = 1, 5
          euler(:, i) = [0.1_wp*i, 0.3_wp*i, 0.7_wp]
