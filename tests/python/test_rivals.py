@@ -164,8 +164,8 @@ def test_shuffled_orientations():
 
 
 def test_axes_that_the_class_makes_equal():
-    """With x reversed a monoclinic crystal is one of the same class. What is left of the odds is the
-    share of one of some ten to twenty readings in one of five groups, and the error of Laplace's
+    """With x reversed a monoclinic crystal is one of the same class. What is left of the odds is
+    the share of one of ten to twenty readings in one of five groups, and the error of Laplace's
     approximation in thirteen dimensions.
     """
     table, _ = measured("naphthalene", 40)
