@@ -299,7 +299,8 @@ contains
       end subroutine find_all_shares
    end subroutine summarise
 
-   !> Whether the parameter i is 'determined', 'weak' or 'not_determined'.
+   !> Whether the parameter i is 'determined', 'weak' or 'not_determined', or 'stated' by equal
+   !> bounds.
    pure function verdict(self, i)
       class(analysis_type), intent(in) :: self
       integer, intent(in) :: i
@@ -309,6 +310,8 @@ contains
          & merge(self%least_value(), 0.0_wp, i <= self%posterior%n_constants), &
          & self%parameter_shares(i))
       if (verdict == 'determined' .and. self%is_misfit(greatest_p)) verdict = 'weak'
+      if (i > self%posterior%n_constants) return
+      if (self%posterior%prior%is_stated(i)) verdict = 'stated'
    end function verdict
 
    !> R-hat above which the chains are not draws of one distribution. Chains of the ensemble follow

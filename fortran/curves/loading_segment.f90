@@ -32,7 +32,7 @@ contains
       !> Fewest points before the contact that define the zero of the load.
       integer, parameter :: fewest_for_zero = 10
       real(wp), allocatable :: means(:, :), loads_before(:)
-      real(wp) :: peak
+      real(wp) :: peak, zero
       integer :: first, last, block, n, i
 
       segment%refusal = ''
@@ -43,10 +43,14 @@ contains
             return
          end if
          last = findloc(load >= last_share*peak, .true., 1)
-         first = findloc(load(:last) < first_share*peak, .true., 1, back=.true.) + 1
+         ! The first loads are about the zero if they hardly change.
+         n = min(last, fewest_for_zero)
+         zero = merge(median(n, load(:n)), 0.0_wp, &
+            & maxval(load(:n)) - minval(load(:n)) < 2.0_wp*first_share*peak)
+         first = findloc(load(:last) - zero < first_share*peak, .true., 1, back=.true.) + 1
          block = 1 + max(0, last - first - 1)/most_points
          n = (last - first)/block
-         loads_before = pack(load(:first - 1), load(:first - 1) < first_share*peak)
+         loads_before = pack(load(:first - 1), load(:first - 1) - zero < first_share*peak)
       end associate
       means = sum(reshape(points(:, first:first + n*block - 1), [size(points, 1), block, n]), &
          & 2)/block

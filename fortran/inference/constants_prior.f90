@@ -31,8 +31,10 @@ module constants_prior
       & anisotropy_scale = 0.6_wp, scale_sd = log(5.0_wp)
    !> Greatest log-anisotropy of the support: beyond it, stiffness matrices lose their digits.
    real(wp), parameter :: most_anisotropic = 10.0_wp
-   !> GPa. A bound beyond these counts as absent.
-   real(wp), parameter :: absent_lower = -1.0e6_wp, absent_upper = 1.0e6_wp
+   !> Bounds that are absent, GPa, and the ends of the range of those that are stated. There a bound
+   !> counts as absent.
+   real(wp), parameter :: absent_lower = -1.0e6_wp, absent_upper = 1.0e6_wp, &
+      & least_bound = -500.0_wp, greatest_bound = 5000.0_wp
    !> Half the width, in GPa and relative, of the interval about a constant whose bounds are equal.
    !> It is small enough for the constant to count as known, and lets the sampler move in all
    !> directions.
@@ -52,6 +54,8 @@ module constants_prior
       integer :: n_constants = 0
       !> Bounds of the constants, GPa; very wide ones for a bound that is not stated.
       real(wp), allocatable :: lower(:), upper(:)
+      !> Whether equal bounds state a constant, (n_constants).
+      logical, allocatable :: is_stated(:)
       !> Whether the default prior applies: some constant lacks a bound.
       logical :: has_default = .false.
       !> Greatest anisotropy index, Eq. 14.
@@ -97,17 +101,29 @@ contains
       !> Poisson's ratio of the isotropic solid.
       real(wp), parameter :: nu = 0.3_wp
       real(wp) :: width(class%n_constants)
+      integer :: i
 
       prior%class = class
       prior%logarithms = new_log_coordinates(class)
       prior%n_constants = class%n_constants
       prior%lower = spread(absent_lower, 1, class%n_constants)
       prior%upper = spread(absent_upper, 1, class%n_constants)
-      if (allocated(stated%c_min)) prior%lower = stated%c_min
-      if (allocated(stated%c_max)) prior%upper = stated%c_max
+      if (allocated(stated%c_min)) then
+         prior%lower = merge(stated%c_min, absent_lower, stated%c_min > least_bound)
+      end if
+      if (allocated(stated%c_max)) then
+         prior%upper = merge(stated%c_max, absent_upper, stated%c_max < greatest_bound)
+      end if
       prior%has_default = any(prior%lower <= absent_lower .or. prior%upper >= absent_upper)
-      width = merge(0.0_wp, max(least_width, relative_width*abs(prior%lower)), &
-         & prior%upper > prior%lower)
+      prior%is_stated = prior%upper <= prior%lower
+      i = findloc(prior%is_stated, .true., dim=1)
+      if (prior%has_default .and. i > 0) then
+         call refuse(error, class%constants(i)//' has equal bounds, and another constant has ' &
+            & //'none; state what is known in &knowledge: quantity = '''//class%constants(i) &
+            & //''', mean, sd')
+         return
+      end if
+      width = merge(max(least_width, relative_width*abs(prior%lower)), 0.0_wp, prior%is_stated)
       prior%lower = prior%lower - width
       prior%upper = prior%upper + width
       prior%typical_young = typical_young
@@ -245,7 +261,7 @@ contains
       prior%share_drawn = real(n_inside, wp)/trials
       if (n_admitted == 0) then
          call refuse(error, 'no stable crystal was found within the bounds and limits of the ' &
-            & //'prior ('//to_text(trials)//' tried)')
+            & //'prior ('//to_text(trials)//' tried); state narrow ones as &knowledge')
       else if (n_inside == 0) then
          call refuse(error, 'the prior is outside the surrogate''s domain: none of ' &
             & //to_text(n_admitted)//' crystals of it is inside')

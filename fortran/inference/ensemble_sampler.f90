@@ -63,7 +63,7 @@ contains
          end if
          call evolve_population(target, int(sweeps, i8)*target%dimension, stream, self%population)
          is_new = .true.
-      else if (effort == 1) then
+      else
          call advance_progress(int(self%burn_in, i8))
       end if
       chain%started = size(self%population%log_density) > 0
@@ -127,7 +127,7 @@ contains
             end do
             call accept_exact()
          end do
-         call advance_progress(int(m, i8))
+         if (sample > 0) call advance_progress(int(m, i8))
          do k = 1, m
             i = (k - 1)*n + sample
             if (sample < 1 .or. i > size(chain%log_density)) cycle

@@ -135,7 +135,6 @@ contains
          end associate
       end do
       call listen()
-      call begin_progress('sampling', int(n, i8)*(sampler%burn_in + length))
       do effort = 1, sampler%efforts
          call run_each()
          if (stop_requested() .or. .not. all(each%started)) exit
@@ -143,7 +142,6 @@ contains
       end do
       interrupted = stop_requested()
       call stop_listening()
-      call end_progress()
       k = findloc(each%started, .false., dim=1)
       if (interrupted) then
          call raise(error, 'interrupted')
@@ -166,7 +164,8 @@ contains
 
          has_estimate = [(allocated(each(i)%estimate), i=1, n)]
          if (all(has_estimate) .or. effort == sampler%efforts) has_estimate = .false.
-
+         call begin_progress('sampling', count(.not. has_estimate, kind=i8) &
+            & *(sampler%burn_in + length))
          !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) &
          !$omp & private(stream)
          do i = 1, n
@@ -175,6 +174,7 @@ contains
             call chains%samplers(i)%run(effort, target, stream, each(i))
          end do
          !$omp end parallel do
+         call end_progress()
       end subroutine run_each
    end subroutine sample_chains
 

@@ -144,6 +144,11 @@ contains
       !> Groups of a build.
       character(len=*), parameter :: build_groups(3) = [character(len=9) :: 'design', 'domain', &
          & 'surrogate']
+      !> Variables of one geometry alone; the last is none.
+      character(len=*), parameter :: of_geometry(9) = [character(len=19) :: 'grain_radius_um', &
+         & 'matrix_young_gpa', 'thickness_um', 'substrate_young_gpa', 'substrate_symmetry', &
+         & 'substrate_constants', 'substrate_euler_deg', 'layers', '']
+      character(len=5) :: needed(size(of_geometry))
       logical :: has_speeds, is_bulk, is_stated(size(needs_known)), stages_of_build(3)
 
       associate (curves => settings%curves, design => settings%design, &
@@ -192,6 +197,17 @@ contains
             & //'the instrument compute the modulus? Allowed: ''curve'' (fit of force against ' &
             & //'depth^1.5), ''stiffness'' (S/(2 a), S the contact stiffness dP/dh, a the ' &
             & //'true contact radius), ''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
+         needed(:2) = 'grain'
+         needed(3:) = 'film'
+         associate (stated => settings%specimen)
+            k = findloc([allocated(stated%grain_radius_um), allocated(stated%matrix_young_gpa), &
+               & allocated(stated%thickness_um), allocated(stated%substrate_young_gpa), &
+               & allocated(stated%substrate_symmetry), allocated(stated%substrate_constants), &
+               & allocated(stated%substrate_euler_deg), allocated(stated%layers), .true.] &
+               & .and. needed /= geometry, .true., 1)
+         end associate
+         call check(k > 0 .and. k < size(of_geometry), 'specimen', trim(of_geometry(max(1, k))), &
+            & 'is only for geometry = '''//trim(needed(max(1, k)))//'''; state that, or remove it')
          stages_of_build = [design%given, settings%domain%given, settings%surrogate%given]
          k = findloc(stages_of_build, .true., 1)
          call check(geometry == 'film' .and. k > 0, trim(build_groups(max(1, k))), '', &

@@ -118,14 +118,17 @@ contains
       class(target_type), intent(in) :: density
       type(fit_type), intent(inout) :: fit
       integer, parameter :: most_steps = 30
-      !> Gain of a step in log density that ends the search.
-      real(wp), parameter :: negligible = 0.02_wp
+      !> Gain of a step in log density that ends the search; that ends it where no step gains; and
+      !> the greatest one at a maximum.
+      real(wp), parameter :: negligible = 0.01_wp, least_gain = 0.5_wp, most_gain = 10.0_wp
+      !> Factor on axes along which the density does not rise as its slope tells.
+      real(wp), parameter :: shorter = 0.2_wp
       !> Lengths of the steps that are tried.
       real(wp), parameter :: lengths(7) = [1.0_wp, 0.6_wp, 0.3_wp, 0.1_wp, 0.03_wp, 0.01_wp, 1.5_wp]
       real(wp), dimension(density%dimension) :: gradient, values, slopes, direction
       real(wp), dimension(density%dimension, density%dimension) :: hessian, axes
-      real(wp) :: height, &
-         & tried(density%dimension, size(lengths)), heights(size(lengths)), growth
+      real(wp) :: height, gain, growth
+      real(wp) :: tried(density%dimension, size(lengths)), heights(size(lengths))
       type(error_type), allocatable :: error
       logical :: is_settled
       integer :: i, k, n
@@ -147,12 +150,11 @@ contains
             slopes(k) = growth*slopes(k)
          end do
          direction = matmul(axes, slopes)
-         fit%log_integral = height + 0.5_wp*sum(slopes**2) + 0.5_wp*n*log(2.0_wp*pi) &
-            & + log_volume_of(axes)
-         ! Beside the edge of the support a step would gain as much as the floor is deep.
-         fit%found = all(values > 0.0_wp) .and. sum(slopes**2) < 1.0e-4_wp*abs(far_below)
+         gain = 0.5_wp*sum(slopes**2)
+         fit%log_integral = height + gain + 0.5_wp*n*log(2.0_wp*pi) + log_volume_of(axes)
+         fit%found = all(values > 0.0_wp) .and. gain < most_gain
          ! The axes are as long as sds once the curvature along each is about one.
-         is_settled = sum(slopes**2) < negligible .and. all(abs(log(max(abs(values), 1.0e-4_wp))) &
+         is_settled = gain < negligible .and. all(abs(log(max(abs(values), 1.0e-4_wp))) &
             & < 0.4_wp .or. norm2(axes, dim=1) > 0.9_wp*longest)
          ! Principal axes, the longest first.
          hessian = matmul(axes, transpose(axes))
@@ -165,8 +167,13 @@ contains
          end do
          call density%evaluate_working(tried, heights)
          k = maxloc(heights, dim=1)
-         if (.not. heights(k) > height) exit
-         fit%maximum = tried(:, k)
+         if (heights(k) > height) then
+            fit%maximum = tried(:, k)
+         else
+            if (gain < least_gain) exit
+            ! Far from the maximum the density is parabolic on a smaller scale.
+            fit%axes = shorter*fit%axes
+         end if
       end do
 
    contains
@@ -251,9 +258,10 @@ contains
       type(random_stream_type) :: stream
       real(wp), allocatable :: z(:, :), centre(:, :), log_q(:), heights(:), mean(:), factor(:, :)
       integer :: n, n_long, j, m, round
-      real(wp) :: top, node_weights(nodes), effective
+      real(wp) :: top, node_weights(nodes), effective, height(1)
 
       n = size(fit%maximum)
+      call density%evaluate_working(reshape(start, [n, 1]), height)
       n_long = count(norm2(fit%axes, dim=1) > long_axis)
       stream = new_random_stream(1, 2)
       allocate (z(n, nodes*draws), centre(n, nodes), log_q(nodes*draws), heights(nodes*draws))
@@ -291,7 +299,8 @@ contains
          fit%weights = fit%weights/sum(fit%weights)
          node_weights = sum(reshape(fit%weights, [draws, nodes]), 1)
          effective = 1.0_wp/sum(node_weights**2)
-         fit%found = effective > least_effective
+         ! Draws that are all far below a known point have missed the ridge.
+         fit%found = effective > least_effective .and. maxval(heights) > height(1) - n
          if (n_long == 0 .or. (round > 1 .and. effective > enough)) exit
          call adapt()
       end do

@@ -95,6 +95,7 @@ contains
       if (k > size(shares)) return
       rival%explanation = 'outliers'
       rival%remedy = 'likelihood = ''student'''
+      if (case%stated%settings%likelihood == 'student') rival%remedy = 'look at these tests'
       rival%settings%likelihood = 'normal'
       associate (data => case%stated%data)
          allocate (rival%errors, source=outlier_errors_type(share=shares(k), &

@@ -70,8 +70,8 @@ module rivals
       !> whatever sds.
       real(wp) :: order_odds = nan
       logical :: follows_order = .false.
-      !> Share of each constant's distribution that the stated bounds admit, if the measurements
-      !> alone determine the constant, (n_constants); else 1.
+      !> Share of each constant's distribution that each of the stated bounds admits, the smaller of
+      !> both, if the measurements alone determine the constant, (n_constants); else 1.
       real(wp), allocatable :: share_within(:)
    end type diagnosis_type
 
@@ -208,8 +208,9 @@ contains
          do j = 1, size(found%mean)
             if (found%sd(j) > determined*abs(found%mean(j))) cycle
             associate (prior => case%stated%prior)
-               diagnosis%share_within(j) = sum(found%fit%weights, &
-                  & mask=x(j, :) >= prior%lower(j) .and. x(j, :) <= prior%upper(j))
+               diagnosis%share_within(j) = min( &
+                  & sum(found%fit%weights, mask=x(j, :) >= prior%lower(j)), &
+                  & sum(found%fit%weights, mask=x(j, :) <= prior%upper(j)))
             end associate
          end do
       end subroutine find_cuts

@@ -77,6 +77,7 @@ contains
       if (i == 0) return
       call indent_film(specimen, stiffness(:, :, i), degree*euler_deg(:, i), films(i), error)
       call prefix_error(error, 'crystal '//to_text(i)//': ')
+      call problem%locate('', '', error)
    end subroutine indent_films
 
    !> Young's modulus, GPa, of an isotropic crystal whose film has this modulus, about; that of a
@@ -161,8 +162,10 @@ contains
       type(problem_type), intent(in) :: problem
       type(specimen_type), intent(out) :: specimen
       type(error_type), allocatable, intent(out) :: error
-      character(len=*), parameter :: names(*) = [character(len=20) :: 'thickness_um', &
-         & 'substrate_young_gpa', 'substrate_symmetry', 'substrate_constants']
+      character(len=*), parameter :: names(6) = [character(len=20) :: 'substrate_young_gpa', &
+         & 'substrate_symmetry', 'substrate_constants', 'substrate_euler_deg', 'thickness_um', &
+         & 'substrate']
+      logical :: is_stated(size(names))
       integer :: i
 
       specimen%depths = problem%settings%simulation%depths
@@ -171,14 +174,18 @@ contains
       call locate_error(error, '', 'indenter')
       if (.not. allocated(error)) then
          associate (stated => problem%settings%specimen, film => specimen%layers)
-            if (allocated(problem%data%layers)) then
-               i = findloc([allocated(stated%thickness_um), allocated(stated%substrate_young_gpa), &
-                  & allocated(stated%substrate_symmetry), allocated(stated%substrate_constants)], &
-                  & .true., 1)
-               if (i > 0) then
-                  call refuse(error, 'the file of layers has it; remove '//trim(names(i)) &
-                     & //', or layers', variable=trim(names(i)))
-               end if
+            is_stated = [allocated(stated%substrate_young_gpa), &
+               & allocated(stated%substrate_symmetry), allocated(stated%substrate_constants), &
+               & allocated(stated%substrate_euler_deg), allocated(stated%thickness_um), &
+               & stated%substrate == 'rigid']
+            ! A file of layers has all of them; a rigid substrate has no stiffness.
+            i = findloc(is_stated .and. allocated(problem%data%layers), .true., 1)
+            if (i == 0 .and. is_stated(6)) i = findloc(is_stated(:4), .true., 1)
+            if (i > 0) then
+               call refuse(error, 'contradicts '//trim(merge('layers   ', 'substrate', &
+                  & allocated(problem%data%layers)))//'; remove one of them', &
+                  & variable=trim(names(i)))
+            else if (allocated(problem%data%layers)) then
                film%thickness = problem%data%layers%thickness
                film%c = problem%data%layers%stiffness
                specimen%crystal = problem%data%layers%crystal
@@ -207,8 +214,9 @@ contains
 
          stiffness = 0.0_wp
          if (.not. allocated(stated%substrate_symmetry)) then
-            if (allocated(stated%substrate_constants)) then
-               call refuse(error, 'the variable is missing; substrate_constants needs it', &
+            if (allocated(stated%substrate_constants) &
+               & .or. allocated(stated%substrate_euler_deg)) then
+               call refuse(error, 'the variable is missing; a substrate of a crystal needs it', &
                   & variable='substrate_symmetry')
                return
             end if

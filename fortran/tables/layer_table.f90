@@ -51,6 +51,9 @@ contains
                call prefix_error(error, 'line '//to_text(table%line(i))//': ')
             else if (self%crystal > 0) then
                call table%refuse(name, i, ' is there twice; one layer is indented', error)
+            else if (has_cell('young_gpa') .or. has_cell('symmetry')) then
+               call table%refuse(name, i, ' is the layer that is indented; it has no constants', &
+                  & error)
             else
                self%crystal = i
             end if
@@ -85,10 +88,13 @@ contains
          type(crystal_class_type) :: class
          real(wp), allocatable :: constants(:)
          real(wp) :: young, nu, euler_deg(3)
-         integer :: symmetry, k
+         integer :: k
 
-         symmetry = self%table%find('symmetry')
-         if (self%table%is_empty(symmetry, i)) then
+         if (has_cell('symmetry') .and. has_cell('young_gpa')) then
+            call refuse(error, 'young_gpa and symmetry; one of them is allowed')
+            return
+         end if
+         if (.not. has_cell('symmetry')) then
             call read_cell('young_gpa', young)
             call read_cell('nu', nu)
             if (allocated(error)) return
@@ -100,7 +106,7 @@ contains
             self%stiffness(:, :, i) = isotropic_stiffness(young, nu)
             return
          end if
-         call new_crystal_class(self%table%cell(symmetry, i), class, error)
+         call new_crystal_class(self%table%cell(self%table%find('symmetry'), i), class, error)
          if (allocated(error)) return
          allocate (constants(class%n_constants))
          do k = 1, size(constants)
@@ -117,6 +123,13 @@ contains
          self%stiffness(:, :, i) = rotate_stiffness(class%stiffness(constants), &
             & rotation_matrix(degree*euler_deg))
       end subroutine read_stiffness
+
+      !> Whether the table has a column with a cell in row i.
+      logical function has_cell(name)
+         character(len=*), intent(in) :: name
+
+         has_cell = .not. self%table%is_empty(self%table%find(name), i)
+      end function has_cell
 
       !> Read the number of a column in row i.
       subroutine read_cell(name, value)

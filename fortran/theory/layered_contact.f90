@@ -19,7 +19,7 @@
 !> edge. So that residual is what vanishes: dW/d(ln s) vanishes at another size too, and its second
 !> derivative tends to 0 as terms are added.
 module layered_contact
-   use errors, only: error_type, raise
+   use errors, only: error_type, raise, refuse
    use halfspace_theory, only: cos_2theta, sin_2theta
    use kinds, only: pi, wp
    use layered_compliance, only: clenshaw_curtis, compliance_type, inverse, layers_type, &
@@ -144,8 +144,10 @@ contains
                   & //'away from the indenter'
             end if
             if (len(reason) > 0) then
-               call raise(error, 'the contact of radius '//to_text(radii(i), 3)//' um on layers ' &
-                  & //to_text(sum(layers%thickness), 3)//' um thick is beyond the theory: '//reason)
+               reason = 'the contact of radius '//to_text(radii(i), 3)//' um on layers ' &
+                  & //to_text(sum(layers%thickness), 3)//' um thick is beyond the theory: '//reason
+               if (index(reason, 'wider') > 0) call refuse(error, reason, 'specimen')
+               if (.not. allocated(error)) call raise(error, reason)
                return
             end if
             if (accepted) exit

@@ -128,7 +128,9 @@ def diagnosed(table: dict, symmetry: str) -> dict:
 
 
 def is_refused(found: dict) -> bool:
-    """Whether the result may be unusable, whatever the other model changes."""
+    """Whether the result may be unusable, whatever the other model changes and however closely the
+    moduli follow their order.
+    """
     misfit = found["factor"] > 1.3 and (
         found["p"] < 1e-6 or (found["p"] < 1e-3 and found["order_odds"] > 0)
     )

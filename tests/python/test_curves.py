@@ -40,6 +40,24 @@ def test_an_exact_curve_gives_its_modulus(beta):
     assert found.document["tests"][0]["zero_nm"] == pytest.approx(17.0, abs=0.2)
 
 
+@pytest.mark.parametrize("zero_mn", [-0.02, 0.02])
+def test_a_zero_of_the_load_above_the_first_share_is_found(zero_mn):
+    """An approach of 60 nm at a load that is not zero, and a curve with a peak of 2 mN."""
+    contact = one_curve("a", 100.0, peak=2.0)
+    rng = np.random.default_rng(3)
+    (start, depth) = contact[0][1:3]
+    approach = [("a", start + t, depth - 60 * (1 - t / 5), 0.0) for t in np.arange(0, 5, 0.1)]
+    contact = [("a", time + 5.0, depth, load) for _, time, depth, load in contact]
+    rows = [
+        (name, time, depth, load + zero_mn + 0.001 * rng.normal())
+        for name, time, depth, load in approach + contact
+    ]
+    with issues("no_reference"):
+        found = bi.curves(table(rows), {"test": ["a"], "grain": ["g"]}, radius_um=5.0, **KNOWN)
+    test = found.document["tests"][0]
+    assert abs(test["effective_modulus_gpa"] - 100.0) < 3 * test["sd_gpa"] < 10.0
+
+
 def test_stiffness_is_a_second_equation():
     # The zero of the depth is lost, the stiffness is not.
     rows = one_curve("a", 100.0, np.random.default_rng(1), noise=20.0)

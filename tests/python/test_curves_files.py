@@ -124,6 +124,9 @@ def test_a_file_of_the_instrument(tmp_path):
     with issues("no_reference"):
         found = bi.curves([file], {"test": ["a"], "grain": ["g"]}, radius_um=5.0, **KNOWN)
     assert found.document["tests"][0]["effective_modulus_gpa"] == pytest.approx(100.0, rel=2e-4)
+    for encoding, sign in (("utf-8-sig", "µ"), ("utf-16", "μ"), ("utf-8", "u")):
+        file.write_bytes("\r".join(lines).replace("µ", sign).encode(encoding))
+        np.testing.assert_allclose(read_file(file)[0][1][2], [row[3] for row in rows], atol=1e-8)
     file.write_bytes("\r".join(lines[:-3]).encode("latin-1"))
     with pytest.raises(
         bi.InputError, match="197 points, where the file states 200; it is truncated"

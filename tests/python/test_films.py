@@ -223,7 +223,32 @@ def test_layers(tmp_path, capsys):
         (
             "layers = 'l.csv', thickness_um = 1",
             "layer,thickness_um\ncrystal,1\n",
-            "&specimen thickness_um: the file of layers has it",
+            "&specimen thickness_um: contradicts layers; remove one of them",
+        ),
+        (
+            "layers = 'l.csv', substrate = 'rigid'",
+            "layer,thickness_um\ncrystal,1\n",
+            "&specimen substrate: contradicts layers",
+        ),
+        (
+            "layers = 'l.csv'",
+            "layer,thickness_um,young_gpa,nu,symmetry\ncrystal,1,,,\nx,,70,0.2,cubic\n",
+            "line 3: young_gpa and symmetry; one of them is allowed",
+        ),
+        (
+            "layers = 'l.csv'",
+            "layer,thickness_um,young_gpa,nu\ncrystal,1,70,0.2\nx,,70,0.2\n",
+            "crystal is the layer that is indented; it has no constants",
+        ),
+        (
+            "thickness_um = 1, substrate = 'rigid', substrate_young_gpa = 70",
+            "",
+            "&specimen substrate_young_gpa: contradicts substrate; remove one of them",
+        ),
+        (
+            "thickness_um = 1, substrate_young_gpa = 70, substrate_euler_deg = 1, 2, 3",
+            "",
+            "&specimen substrate_symmetry: the variable is missing",
         ),
         ("substrate_young_gpa = 70", "", "&specimen thickness_um: the variable is missing; geom"),
         ("thickness_um = 1", "", "&specimen substrate_young_gpa: the variable is missing; geom"),
@@ -240,8 +265,8 @@ def test_layers(tmp_path, capsys):
         (
             "thickness_um = 0.04, substrate = 'rigid'",
             "",
-            "crystal 1: the contact of radius 0.45 um on layers 0.04 um thick is beyond the "
-            "theory: it is wider than 10.0 thicknesses",
+            "&specimen: crystal 1: the contact of radius 0.45 um on layers 0.04 um thick is beyond "
+            "the theory: it is wider than 10.0 thicknesses",
         ),
     ],
 )
@@ -252,7 +277,7 @@ def test_films_that_are_refused(tmp_path, capsys, specimen, layers, message):
         "&problem symmetry = 'cubic' /\n&crystals points = 'points.csv' /\n"
         f"&specimen geometry = 'film', {specimen} /\n"
     )
-    assert main(["theory", str(tmp_path / "film.nml"), "--output", str(tmp_path / "out")])
+    assert main(["theory", str(tmp_path / "film.nml"), "--output", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err
     assert message in error and error.count("\n") == 1
 

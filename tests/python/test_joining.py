@@ -59,6 +59,16 @@ def test_spelling_is_forgiven_and_nothing_is_guessed(one, other, same):
     assert (key_of(one) == key_of(other)) == same
 
 
+def test_errors_and_sizes_come_with_the_orientations(tmp_path):
+    lines = orientations_of(NAMES).splitlines()
+    beside = ["orientation_sd_deg\tgrain radius (nm)", *(f"{i / 4}\t9000" for i in range(12))]
+    orientations = "".join(f"{line}\t{more}\n" for line, more in zip(lines, beside, strict=True))
+    table = problem(tmp_path, moduli_of(NAMES), orientations).table
+    found = table.cells[[table.column("orientation_sd_deg"), table.column("grain_radius_um")]]
+    expected = [[i / 4, 9.0] for i in range(12)]
+    assert found.astype(float).to_numpy().tolist() == expected
+
+
 def test_what_has_no_partner_is_named(tmp_path):
     found = problem(
         tmp_path, moduli_of([*NAMES[:5], "X7"]), orientations_of(NAMES[:4] + NAMES[8:9])

@@ -558,6 +558,25 @@ def test_a_column_that_numbers_the_rows_is_no_number_of_tests(tmp_path):
     ) and "column N: numbers the rows" in notes(points.problem.warnings[:1])
 
 
+def test_shares_with_their_sign_below_a_header_of_shares(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text(text([(*row[:5], "2 %") for row in ROWS], [*NAMES[:5], "CV (%)"]))
+    found = read_measurements(path, "cubic")
+    assert found.sd_gpa == pytest.approx([0.02 * row[4] for row in ROWS])
+
+
+@pytest.mark.parametrize(
+    ("header", "cell", "expected"),
+    [("contact radius (nm)", "250", 0.25), ("grain_radius_nm", "8000", 8)],
+)
+def test_units_of_sizes(tmp_path, header, cell, expected):
+    path = tmp_path / "a.csv"
+    path.write_text(text([(*row, cell) for row in ROWS], [*NAMES, header]))
+    table = read_measurements(path, "cubic").problem.table
+    j = table.column("contact_radius_um", "grain_radius_um")
+    assert [float(value) for value in table.cells[j]] == [expected] * len(ROWS)
+
+
 @pytest.mark.parametrize("name", ["# indents", "Number of indentations", "N (tests)", "n_tests"])
 def test_names_of_the_number_of_tests(tmp_path, name):
     path = tmp_path / "a.csv"
@@ -608,11 +627,32 @@ REFUSED = {
         "d,Er,sd\n[1 0 2],200,4\n(1 1 2),210,4\n[0 0 1],190,4\n",
         "directions [..] or planes (..)",
     ),
-    "depths without a unit": (
-        text([(*row, "95 nm", 0.5) for row in ROWS], [*NAMES, "depth_um", "zero_sd_nm"]).replace(
-            "0.5", "x", 3
+    "depths in another unit": (
+        text([(*row, "95 nm") for row in ROWS], [*NAMES, "depth_um"]),
+        "line 2, column depth_um: the unit nm, where the column has um",
+    ),
+    "a unit of another quantity": (
+        changed(4, lambda value: f"{value} nm"),
+        "the unit nm, where the column has gpa",
+    ),
+    "a row of units with another one": (
+        "\n".join([PLAIN[0], ",deg,deg,deg,kbar,kbar", *PLAIN[1:]]),
+        "column Er (GPa): the unit kbar is not read; allowed gpa",
+    ),
+    "thousands with a comma": (
+        text([(*row, "1,234") for row in ROWS], [*NAMES, "Depth (nm)"], mark="\t"),
+        "line 2: 1,234 can be read in two ways, since other numbers have points",
+    ),
+    "thousands with a point": (
+        text(mark=";").replace(".", ",").replace("210,5", "1.210"),
+        "line 2: 1.210 can be read in two ways, since other numbers have commas",
+    ),
+    "the sd of a load": (
+        text(
+            [(*row[:5], 2.3, row[5]) for row in ROWS],
+            [*NAMES[:5], "Pmax (mN)", "Std. Dev."],
         ),
-        "cells are no numbers",
+        "the column Std. Dev. follows Pmax (mN) and may be of that",
     ),
     "a cell too few": (text() + "g4,1,2,200,4\n", "line 5: 5 cells where the header has 6"),
     "a cell too many": (text() + "g4,1,2,3,200,4,7\n", "7 cells where the header has 6"),

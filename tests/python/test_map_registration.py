@@ -86,6 +86,17 @@ def test_an_indent_near_a_boundary_is_named_and_left_out(tmp_path):
         registered(tmp_path, [(EDGE - 0.6, 5.0)], path)
 
 
+def test_rows_of_the_table_are_named_whatever_was_left_out_before(tmp_path):
+    places = [(2.0, 5.0), (3.0, 5.0), (EDGE - 0.2, 5.0)]
+    errors = 0.4 * np.array([[1, -1], [-1, 0.5], [0.5, 1], [-0.5, -0.5], [0, 0]])
+    path = points_file(tmp_path / "points.csv", errors=errors)
+    problem = registered(tmp_path, places, path, Er=[None, 200.0, 210.0])
+    (found,) = of_code(problem.warnings, "indents_left_out")
+    assert "rows 3 (" in found["subject"]
+    with pytest.raises(bi.InputError, match=r"row 3: \(900, 5\) um is"):
+        measured(tmp_path / "map.h5", [*places[:2], (900.0, 5.0)], Er=[None, 200.0, 210.0])
+
+
 def test_shared_errors_have_a_row_for_indents_that_are_left_out_too(tmp_path):
     errors = 0.4 * np.array([[1, -1], [-1, 0.5], [0.5, 1], [-0.5, -0.5], [0, 0]])
     path, shared = points_file(tmp_path / "points.csv", errors=errors), tmp_path / "shared.csv"

@@ -123,6 +123,27 @@ def test_two_outliers():
         assert item["mean"] == pytest.approx(expected[name]["mean"], abs=0.5 * expected[name]["sd"])
 
 
+@pytest.mark.parametrize(("likelihood", "remedy"), [("normal", "student"), ("student", "look at")])
+def test_the_remedy_of_outliers_is_not_stated_already(likelihood, remedy):
+    table, _ = measured("copper")
+    table["modulus_gpa"][[1, 3, 5, 7]] *= 1.5
+    rivals = diagnosed(table, "cubic", likelihood=likelihood)["diagnosis"]
+    (found,) = (rival for rival in rivals if rival["explanation"] == "outliers: 2, 4, 6, 8")
+    assert remedy in found["remedy"]
+
+
+def test_equal_bounds_state_a_constant():
+    table, _ = measured("copper")
+    known = {"C12": (121.4, 121.4)}
+    with pytest.raises(bi.InputError, match="C12 has equal bounds.* quantity = 'C12', mean, sd"):
+        diagnosed(table, "cubic", bounds=known)
+    bounds = {"C11": (50, 400), "C44": (10, 200)} | known
+    document = diagnosed(table, "cubic", bounds=bounds, samples=2500, burn_in=1000)
+    verdicts = {name: item["verdict"] for name, item in document["parameters"].items()}
+    assert verdicts == {"C11": "determined", "C12": "stated", "C44": "determined"}
+    assert not of_code(document["warnings"], "not_determined", "truncated")
+
+
 def test_drift_with_the_rows():
     table, _ = measured("copper")
     table["modulus_gpa"] *= 1 + 0.1 * np.linspace(-0.5, 0.5, 20)
@@ -248,6 +269,22 @@ def test_bounds_that_exclude_the_crystal():
     bounds = {"C11": (100, 300), "C12": (50, 250), "C44": (110, 160)}
     document = diagnosed(table, "cubic", bounds=bounds)
     assert_unusable(document, "limit_excludes")
+
+
+def test_bounds_of_one_constant_truncate_the_default_prior():
+    """An end of the range of bounds counts as none; elsewhere a limit near the middle of what is
+    determined excludes half of it and is no error.
+    """
+    table, _ = measured("copper", 40)
+    sides = {"C44": (70.0, 75.0)}
+    document = diagnosed(table, "cubic", bounds=sides)
+    assert any("default prior" in words for words in document["prior"]["density"])
+    assert document["parameters"]["C11"]["mean"] < 300
+    assert not of_code(document["warnings"], "limit_excludes")
+    assert (
+        diagnosed(table, "cubic", bounds=sides | {"C11": (-500, 5000)})["parameters"]
+        == (document["parameters"])
+    )
 
 
 def test_bounds_of_another_unit_end_in_bounded_time():

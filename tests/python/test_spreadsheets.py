@@ -61,6 +61,15 @@ def test_what_sheets_have_beside_numbers(tmp_path):
     assert points.problem.table.cells[0].tolist() == ["a b", "b"]
 
 
+def test_cells_that_are_shown_in_per_cent(tmp_path):
+    path = book(tmp_path / "a.xlsx", [[*HEADER[:5], "CV (%)"], *([*row[:5], 0.02] for row in ROWS)])
+    file = openpyxl.load_workbook(path)
+    for row in file.active.iter_rows(min_row=2, min_col=6):
+        row[0].number_format = "0.0%"
+    file.save(path)
+    assert read_measurements(path, "cubic").sd_gpa == pytest.approx([0.02 * 210.1, 0.02 * 220.5])
+
+
 def test_sheets_by_name(tmp_path):
     path = book(tmp_path / "a.xlsx", [["a title"]], grains=(HEADER, *ROWS))
     assert len(read_measurements(path, "cubic", sheet="grains")) == 2

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import bayesindent as bi
-from bayesindent.lab.tensors import matrix_of_json
+from bayesindent.lab.tensors import known_stiffness, matrix_of_json
 from bayesindent.program.cli import main
 from bayesindent.settings.problem import Problem
 from support.tree import SOURCE
@@ -65,6 +65,21 @@ def test_a_document_is_the_known_stiffness(tmp_path, form):
     groups["knowledge"] = {"stiffness_file": path}
     with pytest.raises(bi.InputError, match=r"copper.json: a matrix needs stiffness_relative_sd"):
         Problem.from_keywords("f", **groups)
+
+
+def test_texts_with_comments_blank_lines_and_zeros(tmp_path):
+    """A triangle of copper, of which a class with a constant of 0 is stated: its sd is that of a
+    twentieth of the largest one.
+    """
+    path = tmp_path / "copper.txt"
+    rows = (" ".join(map(str, row[: i + 1])) for i, row in enumerate(VOIGT))
+    path.write_text("# copper, GPa\n\n" + "\n".join(rows) + "\n")
+    table = known_stiffness(path, "4/m", 0.05)
+    assert table["C16"][0] == 0.0
+    sds = np.sqrt(np.diag(np.array([table[name][1:] for name in list(table)[1:]], float)))
+    names = list(table)[1:]
+    assert sds[names.index("C16")] == pytest.approx(0.05 * 0.05 * 168.4)
+    assert sds[names.index("C44")] == pytest.approx(0.05 * 75.4)
 
 
 @pytest.mark.parametrize(

@@ -13,14 +13,13 @@ import pandas as pd
 from ..common.result_files import as_csv
 from ..core import InputError, call, located
 from .cells import is_missing, is_number, missing, value_of
-from .cleaning import clean, leave_out_incomplete
+from .cleaning import clean, leave_out_incomplete, unit_of
 from .columns import (
     ANGLES,
-    BY_NAME,
+    DEGREES,
     DIRECTIONS,
     HARDNESS,
     KINDS,
-    LENGTHS,
     MODULI,
     NAME_COLUMNS,
     RADIANS,
@@ -33,7 +32,6 @@ from .columns import (
     meaning_of,
     nearest_to,
     split_deviation,
-    split_name,
     stated_columns,
 )
 from .header import table_of_rows
@@ -96,16 +94,13 @@ def canonical_table(
     resolve(table, stated_columns(columns, table.names), stated("modulus_kind"))
     drop_texts(table)
     radians = stated("angles") == "radians" and not found.text.startswith(MARK)
-    factors = factors_of_units(table, radians)
-    clean(table)
-    for j, factor in factors.items():
-        table.cells[j] = [
-            cell if is_missing(cell) else repr(value_of(cell) * factor) for cell in table.cells[j]
-        ]
+    clean(table, radians)
     lines = table.cells.index
     if path := stated("orientations_file"):
         with located(origin, "measurements", "orientations_file"), located(path):
-            add_orientations_of_file(table, Path(facts["folder"]) / path, stated("orientations_by"))
+            add_orientations_of_file(
+                table, Path(facts["folder"]) / path, stated("orientations_by"), radians
+            )
     leave_out_incomplete(table)
     indented = None
     if not stated("ebsd"):
@@ -162,7 +157,10 @@ def resolve(table: LaboratoryTable, given: Mapping[str, str], kind: str | None) 
     is_stated = sd < 1 or names[sd].lower() == "sd_gpa" or names[sd] in given
     if is_stated or split_deviation(names[sd])[1] or sd - 1 == modulus:
         return
-    if HARDNESS.fullmatch(names[sd - 1]) or (kinds[sd - 1] in MODULI and not meanings[sd - 1]):
+    unit, is_other = unit_of(table, sd - 1), kinds[sd - 1] in MODULI and not meanings[sd - 1]
+    if unit in UNIT_WORDS and unit not in DEGREES + RADIANS:
+        is_other |= unit_of(table, sd) in ("", unit)
+    if HARDNESS.fullmatch(names[sd - 1]) or is_other:
         raise InputError(
             f"line {table.header_line}: the column {names[sd]} follows {names[sd - 1]} and may be "
             "of that; name it sd_gpa if it is the sd of the modulus"
@@ -252,32 +250,6 @@ def add_ratio(table: LaboratoryTable, ratios: list[str]) -> None:
         table.note(f"sample_nu = {abridged(dict.fromkeys(table.cells[j]))}")
 
 
-def factors_of_units(table: LaboratoryTable, radians: bool) -> dict[int, float]:
-    """The factors to um of columns of lengths. Refuse units that a column cannot have, in its
-    header or in the row of units.
-    """
-    factors = {}
-    for j, (name, meaning) in enumerate(zip(table.names, table.meanings)):
-        if meaning not in BY_NAME:
-            continue
-        units = BY_NAME[meaning].units
-        for unit in filter(None, (split_name(name)[1], table.units[j])):
-            if unit in RADIANS and meaning in ANGLES and not radians:
-                raise InputError(
-                    f"column {name} is in radians; degrees are needed, or angles = 'radians'"
-                )
-            if unit in units or (unit == "%" and meaning == "sd_gpa"):
-                if units is LENGTHS and LENGTHS[unit] != 1.0:
-                    factors[j] = LENGTHS[unit]
-                continue
-            # In a header that the user names, other words in brackets are no unit.
-            if name in table.stated and unit not in UNIT_WORDS:
-                continue
-            allowed = f"allowed {' '.join(units)}" if units else "this column has none"
-            raise InputError(f"column {name}: the unit {unit} is not read; {allowed}")
-    return factors
-
-
 def check_orientations(table: LaboratoryTable, facts: Mapping[str, Any]) -> None:
     """Refuse a table without orientations, unless they are unknown."""
     has_way = any(set(way) <= set(table.meanings) for way in WAYS)
@@ -329,6 +301,7 @@ def add_orientations(
             at,
             sd,
             np.asarray(contact),
+            np.array(stage.index),
             table.meanings,
             facts.get("problem.symmetry"),
             facts.get("measurements.crystal_axes"),

@@ -12,6 +12,8 @@ from unicodedata import normalize
 import numpy as np
 import pandas as pd
 
+from ..core import InputError
+
 #: Cells that mean that there is no value: words, errors of spreadsheets, and the largest double,
 #: which some instruments write.
 MISSING_TEXTS = (
@@ -27,6 +29,9 @@ CELL = re.compile(
     rf"^\(?({NUMBER})\s*(?:GPa)?\s*(?:(?:±|\+/-|\+-)\s*({NUMBER})\)?)?\s*"
     r"(°|deg|GPa|nm|um|µm|μm|mN|s|%)?$"
 )
+#: A number with a point or a comma, and one whose mark may separate thousands.
+MARKED = re.compile(r"[+-]?\d+([.,])\d+")
+THOUSANDS = re.compile(r"[+-]?\d{1,3}[.,]\d{3}")
 #: Signs that control a terminal.
 CONTROLS = re.compile(r"[\x00-\x08\x0e-\x1f\x7f-\x9f]")
 #: Signs that programs write in place of the usual ones, and invisible signs.
@@ -123,8 +128,25 @@ def rows_of(text: str) -> tuple[list[tuple[int, list[str]]], set[int]]:
         if not joined.strip():
             blank.add(last_line + 1)
         elif not cells[0].startswith("#"):
-            if joined.split() != [joined] or "," in joined:
-                cells = [tidy(cell, delimiter != ",") for cell in cells]
             rows.append((last_line + 1, cells))
         last_line = reader.line_num
-    return rows, blank
+    if delimiter != ",":
+        refuse_two_marks(rows)
+    return [(line, [tidy(cell, delimiter != ",") for cell in cells]) for line, cells in rows], blank
+
+
+def refuse_two_marks(rows: list[tuple[int, list[str]]]) -> None:
+    """Refuse a number that may be of thousands, since its mark is not that of most numbers. Lines
+    with a single number are titles.
+    """
+    found = []
+    for line, cells in rows:
+        marked = [(line, match) for cell in cells if (match := MARKED.fullmatch(cell.strip()))]
+        found += marked if len(marked) > 1 else []
+    usual_mark = Counter(match[1] for _, match in found).most_common(1)
+    for line, match in found:
+        if THOUSANDS.fullmatch(match[0]) and match[1] != usual_mark[0][0]:
+            raise InputError(
+                f"line {line}: {match[0]} can be read in two ways, since other numbers have "
+                f"{'commas' if match[1] == '.' else 'points'}; leave the marks of thousands out"
+            )

@@ -15,8 +15,21 @@ from .cells import (
     missing,
     number_of,
     plain_numbers,
+    value_of,
 )
-from .columns import ANGLES, DIRECTIONS, MODULI, NAME_COLUMNS, abridged
+from .columns import (
+    ANGLES,
+    BY_NAME,
+    DEGREES,
+    DIRECTIONS,
+    LENGTHS,
+    MODULI,
+    NAME_COLUMNS,
+    RADIANS,
+    UNIT_WORDS,
+    abridged,
+    split_name,
+)
 from .table import LaboratoryTable
 
 #: Names of rows of statistics: of a mean ("Mittelwert"), a spread ("Std. Dev.") or an extent
@@ -39,10 +52,11 @@ RELATIVE = re.compile(
 SHARE = re.compile(r"(?<![\d ])(?<!\d )%|percent|(?<=[^\d] )%", re.I)
 
 
-def clean(table: LaboratoryTable) -> None:
-    """Leave out rows that are no measurements, turn cells into plain numbers, and give each grain
-    one name.
+def clean(table: LaboratoryTable, radians: bool) -> None:
+    """Leave out rows that are no measurements, turn cells into plain numbers, lengths into um, and
+    give each grain one name. Angles may be in `radians`.
     """
+    factors = factors_of_units(table, radians)
     if not table.oriented():
         split_indices(table)
     leave_out_statistics(table)
@@ -58,8 +72,43 @@ def clean(table: LaboratoryTable) -> None:
         )
     split_sds(table)
     refuse_words(table)
+    for j, factor in factors.items():
+        table.cells[j] = [
+            cell if is_missing(cell) else repr(value_of(cell) * factor) for cell in table.cells[j]
+        ]
     if (grain := table.column("grain")) >= 0:
         one_spelling(table, grain)
+
+
+def factors_of_units(table: LaboratoryTable, radians: bool) -> dict[int, float]:
+    """The factors to um of columns of lengths. Refuse units that a column cannot have, in its
+    header or in the row of units.
+    """
+    factors = {}
+    for j, (name, meaning) in enumerate(zip(table.names, table.meanings)):
+        if meaning not in BY_NAME:
+            continue
+        units, under = BY_NAME[meaning].units, table.units[j]
+        for unit in filter(None, (split_name(name)[1], under)):
+            if unit in RADIANS and meaning in ANGLES and not radians:
+                raise InputError(
+                    f"column {name} is in radians; degrees are needed, or angles = 'radians'"
+                )
+            if unit in units or (unit == "%" and meaning == "sd_gpa"):
+                if units is LENGTHS and LENGTHS[unit] != 1.0:
+                    factors[j] = LENGTHS[unit]
+                continue
+            # In a header that the user names, and of names, other words are no unit.
+            if unit not in UNIT_WORDS and (not units or (name in table.stated and unit != under)):
+                continue
+            allowed = f"allowed {' '.join(units)}" if units else "this column has none"
+            raise InputError(f"column {name}: the unit {unit} is not read; {allowed}")
+    return factors
+
+
+def unit_of(table: LaboratoryTable, j: int) -> str:
+    """The unit in the header of a column or below it; '' if there is none."""
+    return split_name(table.names[j])[1] or table.units[j]
 
 
 def leave_out_incomplete(table: LaboratoryTable) -> None:
@@ -152,6 +201,7 @@ def split_sds(table: LaboratoryTable) -> None:
     for j in dressed_columns(table):
         found = table.cells[j].str.extract(CELL)
         numbers, own_sd, is_share = found[0], found[1], found[2] == "%"
+        refuse_other_units(table, j, found[2].mask(is_share).dropna())
         if j == modulus and sd < 0 and own_sd.notna().any():
             table.add_column("sd_gpa", own_sd.mask(is_share, in_gpa(own_sd)).fillna("").tolist())
             table.note(f"column {table.names[j]}: what follows ± is its sd")
@@ -170,10 +220,24 @@ def split_sds(table: LaboratoryTable) -> None:
     if sd < 0 or modulus < 0 or not (SHARE.search(table.names[sd]) or table.units[sd] == "%"):
         return
     cells = table.cells[sd].mask(missing(table.cells[sd]))
-    if all(map(is_plain_number, cells.dropna())):
+    if all(map(is_number, cells.dropna())):
         table.cells[sd] = in_gpa(cells).fillna("")
         table.note(f"column {table.names[sd]}: per cent of the modulus")
         table.meanings[sd] = "sd_gpa"
+
+
+def refuse_other_units(table: LaboratoryTable, j: int, units: pd.Series) -> None:
+    """Refuse a unit of a cell that is not the one of its column."""
+    stated, meaning = unit_of(table, j), table.meanings[j]
+    usual = split_name(meaning)[1] or "".join(BY_NAME[meaning].units if meaning in BY_NAME else "")
+    unit = stated if stated in UNIT_WORDS else usual
+    for line, other in units.str.lower().items():
+        same_length = LENGTHS.get(other, 0) == LENGTHS.get(unit, 1)
+        if not (other == unit or same_length or {other, unit} <= {*DEGREES}):
+            raise InputError(
+                f"line {line}, column {table.names[j]}: the unit {other}, where the column has "
+                f"{unit or 'none'}"
+            )
 
 
 def split_indices(table: LaboratoryTable) -> None:

@@ -52,7 +52,7 @@ COLUMNS = (
         "modulus_over_defined_range e_over_defined_range",
         ["gpa"],
     ),
-    Column("sample_nu", "poissons_ratio poisson_ratio nu nu_s ns ν ν_s", ["-"]),
+    Column("sample_nu", "sample_nu poissons_ratio poisson_ratio nu nu_s ns ν ν_s", ["-"]),
     Column(
         "sd_gpa",
         "sd std stdev st_dev std_dev stddev standard_deviation sigma error err "
@@ -61,9 +61,9 @@ COLUMNS = (
     ),
     Column("orientation_sd_deg", "orientation_sd", DEGREES),
     Column("depth_um", "depth", LENGTHS),
-    Column("contact_radius_um", "", LENGTHS),
-    Column("zero_sd_nm", "", ["nm"]),
-    Column("grain_radius_um", "", LENGTHS),
+    Column("contact_radius_um", "contact_radius", LENGTHS),
+    Column("zero_sd_nm", "zero_sd", ["nm"]),
+    Column("grain_radius_um", "grain_radius", LENGTHS),
     Column("x_um", "x x_test_position", LENGTHS),
     Column("y_um", "y y_test_position", LENGTHS),
     Column("group"),

@@ -42,10 +42,7 @@ def table_of_rows(found: Rows, stated: Iterable[str]) -> LaboratoryTable:
     under = below[0][1] if below else []
     # Several cells are units, and none is a number.
     if sum(map(bool, map(UNIT.fullmatch, under))) > 1 and not any(map(is_number, under)):
-        units = [
-            cell.strip("[]()- ").lower() if UNIT.fullmatch(cell) else ""
-            for cell in [*under, *units][:width]
-        ]
+        units = [cell.strip("[]()- ").lower() for cell in [*under, *units][:width]]
         below = below[1:]
     check_widths(below, names, line)
     cells = [[*row, *[""] * width][:width] for _, row in below]

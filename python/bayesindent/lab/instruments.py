@@ -9,13 +9,16 @@ import numpy as np
 import pandas as pd
 
 from ..core import InputError, located
-from .other_files import reader_of, reading
+from .cells import usual
+from .other_files import decoded, reader_of, reading
 
 #: Columns of a curve; the last one only if the stiffness was measured.
 COLUMNS = ("time_s", "depth_nm", "load_mn", "stiffness_n_m")
 #: Numbers above this mean a missing value: instruments write 1.797e308.
 NO_VALUE = 1e300
-UNITS = {"time (s)": 1.0, "depth (nm)": 1.0, "depth (µm)": 1e3, "load (mn)": 1.0, "load (µn)": 1e-3}
+UNITS = {"time (s)": 1.0, "depth (nm)": 1.0, "load (mn)": 1.0}
+UNITS |= dict.fromkeys(("depth (µm)", "depth (um)"), 1e3)
+UNITS |= dict.fromkeys(("load (µn)", "load (un)"), 1e-3)
 
 
 def curves_of_files(folder: Path, names: Iterable[str], drift_removed: bool) -> dict[str, list]:
@@ -50,7 +53,7 @@ def curves_of_files(folder: Path, names: Iterable[str], drift_removed: bool) -> 
 def read_file(file: Path) -> list[tuple[str, tuple]]:
     """Names and curves (`COLUMNS`) of the tests of a file."""
     try:
-        text = file.read_bytes().decode("latin-1") if file.suffix.lower() == ".txt" else ""
+        text = usual(decoded(file.read_bytes())[0]) if file.suffix.lower() == ".txt" else ""
     except OSError as error:
         raise InputError(f"{error.strerror}") from None
     if any(line.startswith("Depth (") for line in text.splitlines()):

@@ -12,13 +12,13 @@ from .reading import rows_of_file
 from .table import LaboratoryTable
 
 
-def orientations_of_file(path: Path) -> LaboratoryTable:
+def orientations_of_file(path: Path, radians: bool) -> LaboratoryTable:
     """The table of a list of orientations."""
     found = rows_of_file(path, "", [])
     if found is None or not found.rows:
         raise InputError("is no table of orientations")
     table = table_of_rows(found, [])
-    clean(table)
+    clean(table, radians)
     if not any(set(way) <= set(table.meanings) for way in (ANGLES, *WAYS)):
         raise InputError(
             f"the columns are {', '.join(table.names)}; the angles phi1, Phi, phi2 are needed, or "
@@ -27,13 +27,16 @@ def orientations_of_file(path: Path) -> LaboratoryTable:
     return table
 
 
-def add_orientations_of_file(table: LaboratoryTable, path: Path, by: str) -> None:
-    """Add the orientations of a file to the rows of a table of moduli: those of the same grain, or,
-    `by` 'order', those of the same row. Rows without an orientation are left out.
+def add_orientations_of_file(table: LaboratoryTable, path: Path, by: str, radians: bool) -> None:
+    """Add the orientations of a file, their sds and the sizes of the grains to the rows of a table
+    of moduli: those of the same grain, or, `by` 'order', those of the same row. Rows without an
+    orientation are left out.
     """
     table.refuse_orientations()
-    other = orientations_of_file(path)
+    other = orientations_of_file(path, radians)
     names = other.oriented()
+    beside = ("orientation_sd_deg", "grain_radius_um")
+    names += [name for name in beside if name in {*other.meanings} - {*table.meanings}]
     if twice := {name for name in names if names.count(name) > 1}:
         raise InputError(f"{min(twice)} has several columns; one of them is allowed")
     cells = other.cells[[other.column(name) for name in names]]

@@ -62,24 +62,26 @@ def indented_map(
     indents: np.ndarray,
     sd: np.ndarray,
     contact: np.ndarray,
+    lines: np.ndarray,
     columns: list[str],
     symmetry: str | None,
     axes: str | None,
 ) -> IndentedMap:
     """The map of a file with `indents` at positions (n, 2), whose registration has the `sd` (n,)
-    per coordinate, and whose radii of `contact` (n,) are 0 if unknown, in um. `columns` are the
-    meanings of those of the measurements; for `axes` see `AXES` of map_files.
+    per coordinate, and whose radii of `contact` (n,) are 0 if unknown, in um. They are of the
+    `lines` (n,) of the measurements, and `columns` are the meanings of the columns there; for
+    `axes` see `AXES` of map_files.
     """
     grid = Grid(path, axes)
-    grid.refuse_outside(indents)
+    grid.refuse_outside(indents, lines)
     if len(grid.groups) == 1:
-        grid.compare_phase(grid.phase[:1], symmetry)
+        grid.compare_phase(grid.phase[:1], symmetry, lines)
     grid.find_grains()
     away, nearest = grid.tree.query(indents, k=min(2 * SURROUNDINGS, len(grid.phase)))
     pixel, away = nearest[:, 0], away[:, 0]
     grains = grid.grain[pixel]
-    warnings = grid.warnings + grid.compare_phase(grid.phase[pixel], symmetry)
-    if (bridged := np.flatnonzero(away > 0.75 * grid.step) + 1).size:
+    warnings = grid.warnings + grid.compare_phase(grid.phase[pixel], symmetry, lines)
+    if (bridged := lines[away > 0.75 * grid.step]).size:
         reason = (
             f"the indents of rows {abridged(bridged)} are on points that are not indexed, or "
             f"stray. They belong to the grain around them, which is up to {away.max():.2g} um away"
@@ -95,7 +97,8 @@ def indented_map(
     places += disc[:, None] * radius[..., None]
     share = np.mean(grid.grain[grid.tree.query(places)[1]] == grains, axis=0)
     retained = np.flatnonzero(share >= LEAST_SHARE).tolist()
-    if doubtful := [f"{row + 1} ({share[row]:.0%})" for row in np.flatnonzero(share < LEAST_SHARE)]:
+    uncertain = share < LEAST_SHARE
+    if doubtful := [f"{line} ({p:.0%})" for line, p in zip(lines[uncertain], share[uncertain])]:
         reason = (
             f"the indents of rows {abridged(doubtful)} are left out: their grain is uncertain. In "
             "brackets: the probability of the grain, with a registration of "
@@ -192,13 +195,13 @@ class Grid:
         if not away[1] > 0:
             raise InputError("has most of its points twice at the same place; a map has each once")
 
-    def refuse_outside(self, positions: np.ndarray) -> None:
-        """Refuse a position (n, 2) that lies beside the map."""
+    def refuse_outside(self, positions: np.ndarray, lines: np.ndarray) -> None:
+        """Refuse a position (n, 2), of a line (n,), that lies beside the map."""
         low, high = self.positions.min(axis=0), self.positions.max(axis=0)
         away = np.linalg.norm(positions - positions.clip(low, high), axis=1)
         for row in np.flatnonzero(away > self.step):
             raise InputError(
-                f"row {row + 1}: ({positions[row, 0]:g}, {positions[row, 1]:g}) um is "
+                f"row {lines[row]}: ({positions[row, 0]:g}, {positions[row, 1]:g}) um is "
                 f"{away[row]:.3g} um from the next indexed point; the map is from "
                 f"({low[0]:g}, {low[1]:g}) to ({high[0]:g}, {high[1]:g})"
             )
@@ -228,17 +231,19 @@ class Grid:
         self.positions, self.phase, self.grain = self.positions[own], self.phase[own], grain[own]
         self.rotations, self.tree = self.rotations[own], cKDTree(self.positions)
 
-    def compare_phase(self, phases: np.ndarray, symmetry: str | None) -> list[tuple]:
-        """Compare the phase at each indent (n,) with the stated `symmetry`, and return the
-        warnings. Several phases are refused, and a symmetry in which equivalent orientations of the
-        phase are not equivalent.
+    def compare_phase(
+        self, phases: np.ndarray, symmetry: str | None, lines: np.ndarray
+    ) -> list[tuple]:
+        """Compare the phase at each indent (n,), of a line (n,), with the stated `symmetry`, and
+        return the warnings. Several phases are refused, and a symmetry in which equivalent
+        orientations of the phase are not equivalent.
         """
         number = int(phases[0])
         name = self.phases[number].name
         if len(others := np.flatnonzero(phases != number)):
             raise InputError(
-                f"the indent of row 1 is on the phase {name}, those of "
-                f"rows {abridged(others + 1)} are on "
+                f"the indent of row {lines[0]} is on the phase {name}, those of "
+                f"rows {abridged(lines[others])} are on "
                 f"{self.phases[phases[others[0]]].name}; leave one "
                 "of them out: the constants are those of one phase"
             )

@@ -156,8 +156,8 @@ def filled_rows(sheet: Any) -> list[tuple[int, list[str]]]:
     """
     sheet.reset_dimensions()
     rows: list[tuple[int, list[str]]] = []
-    for line, row in enumerate(sheet.iter_rows(values_only=True), 1):
-        cells = list(map(cell_text, row))
+    for line, row in enumerate(sheet.iter_rows(), 1):
+        cells = [cell_text(shown_value(cell)) for cell in row]
         while cells and not cells[-1]:
             cells.pop()
         if cells:
@@ -165,6 +165,13 @@ def filled_rows(sheet: Any) -> list[tuple[int, list[str]]]:
         if len(rows) > MOST_ROWS:
             raise InputError(f"more than {MOST_ROWS} rows; allowed up to {MOST_ROWS}")
     return rows
+
+
+def shown_value(cell: Any) -> object:
+    """The value of a cell of a spreadsheet; one that is shown in per cent with its sign."""
+    if isinstance(cell.value, float) and "%" in cell.number_format:
+        return f"{100 * cell.value:.12g} %"
+    return cell.value
 
 
 def rows_of_columns(table: Mapping[str, Iterable]) -> Rows:

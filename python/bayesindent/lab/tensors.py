@@ -21,17 +21,21 @@ FIRST, SECOND = (0, 1, 2, 1, 0, 0), (0, 1, 2, 2, 2, 1)
 words_of = re.compile(r"[^\s,\[\]()|]+").findall
 #: Share of the largest entry by which an entry may differ from its value by symmetry.
 TOLERANCE = 0.01
+#: Share of the largest constant at which smaller ones have the same sd: they may be 0.
+LEAST_SHARE = 0.05
 
 
 def known_stiffness(path: Path, symmetry: str | None, relative_sd: float | None) -> dict[str, list]:
     """The table of a matrix: 6 x 6 numbers, 21 of a triangle, or a document. The constants have one
-    relative sd; of entries that are equal by symmetry those of the constants count.
+    relative sd, the least ones a larger one; of entries that are equal by symmetry those of the
+    constants count.
     """
     if not (symmetry and relative_sd):
         raise InputError("a matrix needs stiffness_relative_sd, and &problem symmetry")
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"more than {MOST_BYTES} bytes")
-    text = matrix_of_json(path) or decoded(path.read_bytes())[0]
+    text = matrix_of_json(path) or re.sub("#.*", "", decoded(path.read_bytes())[0])
+    text = "\n".join(filter(str.strip, text.splitlines()))
     words = words_of(text)
     try:
         entries = np.array(words, dtype=float)
@@ -40,7 +44,7 @@ def known_stiffness(path: Path, symmetry: str | None, relative_sd: float | None)
         else:
             values = np.zeros((6, 6))
             # The first two lines of a lower triangle have three numbers.
-            lower = len(words_of("\n".join(text.splitlines()[:2]))) == 3
+            lower = len(words_of("\n".join(text.split("\n")[:2]))) == 3
             values[np.tril_indices(6) if lower else np.triu_indices(6)] = entries
             values = np.where(values, values, values.T)
     except ValueError:
@@ -58,7 +62,8 @@ def known_stiffness(path: Path, symmetry: str | None, relative_sd: float | None)
             f"C{i + 1}{j + 1} is {values[i, j]:.6g} GPa; by the symmetry of a {symmetry} crystal "
             f"it is {implied[i, j]:.6g} GPa"
         )
-    return stiffness_table(symmetry, mean, np.diag((relative_sd * mean) ** 2))
+    sd = relative_sd * np.maximum(np.abs(mean), LEAST_SHARE * np.abs(mean).max())
+    return stiffness_table(symmetry, mean, np.diag(sd**2))
 
 
 def matrix_of_json(path: Path) -> str | None:
