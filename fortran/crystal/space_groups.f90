@@ -47,6 +47,10 @@ contains
       ! The full symbol 'P 1 21/c 1' is 'P21/c'.
       i = len(symbol)
       if (i > 2 .and. symbol(1:1) == '1' .and. symbol(i:i) == '1') symbol = symbol(2:i - 1)
+      ! Older symbols of cubic groups have no minus: 'Fm3m', 'F43m'.
+      if (index(symbol, '3') == 2 .and. scan(symbol(1:1), 'mnad') == 1) then
+         symbol = symbol(1:1)//'-'//symbol(2:)
+      end if
       axis = verify(symbol, '-')
       rest = symbol(axis + 1:)
       i = index(symbol, '-3')
@@ -55,7 +59,7 @@ contains
          name = trim(merge('m-3 ', 'm-3m', i + 1 == len(symbol)))
       else if (symbol == '23' .or. symbol == '213') then
          name = 'm-3'
-      else if (any(cubic == symbol)) then
+      else if (any(cubic == symbol .or. cubic == '-'//symbol)) then
          name = 'm-3m'
       else if (symbol == '1' .or. symbol == '-1') then
          name = '-1'
@@ -69,8 +73,12 @@ contains
          ! A 1 or 2 after the axis is its screw, except in R32.
          if (scan(rest, '12') == 1 .and. scan(word(:1), 'RrHh') == 0) rest = rest(2:)
          name = trim(merge('-3 ', '-3m', len(rest) == 0))
+      else if (index(symbol, '11') > 0) then
+         ! The unique axis is not y.
+         return
       else if (len(symbol) == 1 .or. symbol == '21' .or. index(symbol, '/') > 0) then
-         name = '2/m'
+         ! A glide along b, or a cell centred in the plane of a and c: the unique axis is not y.
+         if (scan(symbol, 'b') == 0 .and. scan(word(:1), 'Bb') == 0) name = '2/m'
       else if (len(symbol) > 2) then
          name = 'mmm'
       end if

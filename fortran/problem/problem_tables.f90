@@ -11,6 +11,7 @@ module problem_tables
       & read_measurements, read_orientations, split_references
    use problem, only: canonical_mark, problem_type
    use repeated_tests, only: combine_tests, refuse_copied_rows
+   use settings_checks, only: check_speeds
    use stiffness_table, only: new_stiffness_table
    use table_columns, only: find_column, foreign_column, read_column
    use tables, only: parse_table, read_table, table_type
@@ -126,6 +127,9 @@ contains
 
          call find_table('velocities', problem%settings%measurements%velocities, table)
          if (.not. allocated(error) .and. table%columns > 0) then
+            call check_speeds(problem%settings, .true., error)
+            call problem%locate('', '', error)
+            if (allocated(error)) return
             allocate (problem%data%velocities)
             call read_velocities(table, in_radians(problem), problem%data%velocities, error)
             if (.not. (allocated(error) .or. in_radians(problem))) then

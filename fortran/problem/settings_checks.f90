@@ -9,7 +9,7 @@ module settings_checks
    use text, only: join, to_text
    implicit none
    private
-   public :: check_settings
+   public :: check_settings, check_speeds
 
 contains
 
@@ -127,29 +127,57 @@ contains
       end subroutine check_lists
    end subroutine check_settings
 
+   !> Refuse speeds, measured or planned, that cannot be computed.
+   subroutine check_speeds(settings, has_velocities, error)
+      type(settings_type), intent(in) :: settings
+      !> Whether there are measured speeds, in a file or in a table of Python.
+      logical, intent(in) :: has_velocities
+      type(error_type), allocatable, intent(out) :: error
+      !> Variables that need computed speeds, and their groups.
+      character(len=*), parameter :: names(3) = [character(len=14) :: 'velocities', &
+         & 'velocity_cost', 'velocity_noise'], &
+         & groups(3) = [character(len=12) :: 'measurements', 'next', 'plan']
+      integer :: k
+
+      k = findloc([has_velocities, allocated(settings%next%velocity_cost), &
+         & allocated(settings%plan%velocity_noise)], .true., 1)
+      if (k == 0) return
+      associate (geometry => settings%specimen%geometry)
+         if (has_velocities .and. settings%measurements%orientations == 'unknown') then
+            call refuse(error, '''unknown'' cannot be combined with velocities; remove one of ' &
+               & //'them', 'measurements', 'orientations')
+         else if (geometry /= 'halfspace' .and. geometry /= 'block') then
+            call refuse(error, 'speeds are computed for a bulk sample, but geometry is ''' &
+               & //geometry//'''; remove '//trim(names(k)) &
+               & //', or infer the constants from speeds and moduli of a bulk sample', &
+               & trim(groups(k)), trim(names(k)))
+         else if (.not. allocated(settings%problem%density_kg_m3)) then
+            call refuse(error, 'the variable is missing; &'//trim(groups(k))//' '//trim(names(k)) &
+               & //' needs it (allowed 10 to 1e5 kg/m3)', 'problem', 'density_kg_m3')
+         end if
+      end associate
+   end subroutine check_speeds
+
    !> Refuse variables that contradict each other.
    subroutine check_combinations(settings, error)
       type(settings_type), intent(in) :: settings
       type(error_type), allocatable, intent(out) :: error
-      !> Variables that need computed speeds, and their groups; the last is none.
-      character(len=*), parameter :: names(4) = [character(len=14) :: 'velocities', &
-         & 'velocity_cost', 'velocity_noise', ''], &
-         & groups(4) = [character(len=12) :: 'measurements', 'next', 'plan', '']
       !> Settings that exclude orientations = 'unknown': they need orientations, or have errors that
       !> are not integrated over the orientations; the last is none.
-      character(len=*), parameter :: needs_known(7) = [character(len=20) :: 'ebsd', &
-         & 'velocities', 'misalignment_sd_deg', 'orientation_sd_deg', 'likelihood', &
+      character(len=*), parameter :: needs_known(6) = [character(len=20) :: 'ebsd', &
+         & 'misalignment_sd_deg', 'orientation_sd_deg', 'likelihood', &
          & 'scale = ''inferred''', '']
       integer :: k
       !> Groups of a build.
       character(len=*), parameter :: build_groups(3) = [character(len=9) :: 'design', 'domain', &
          & 'surrogate']
-      !> Variables of one geometry alone; the last is none.
-      character(len=*), parameter :: of_geometry(9) = [character(len=19) :: 'grain_radius_um', &
+      !> Variables of one geometry alone.
+      character(len=*), parameter :: of_geometry(8) = [character(len=19) :: 'grain_radius_um', &
          & 'matrix_young_gpa', 'thickness_um', 'substrate_young_gpa', 'substrate_symmetry', &
-         & 'substrate_constants', 'substrate_euler_deg', 'layers', '']
+         & 'substrate_constants', 'substrate_euler_deg', 'layers']
       character(len=5) :: needed(size(of_geometry))
-      logical :: has_speeds, is_bulk, is_stated(size(needs_known)), stages_of_build(3)
+      logical :: is_bulk, is_stated(size(needs_known)), stages_of_build(3), &
+         & has_size(size(of_geometry))
 
       associate (curves => settings%curves, design => settings%design, &
          & geometry => settings%specimen%geometry, indenter => settings%indenter, &
@@ -170,25 +198,17 @@ contains
             & .and. measured%likelihood /= 'student', 'measurements', 'student_dof', &
             & 'is only for likelihood = ''student''; state that, or remove it')
          ! The first stated variable that needs orientations.
-         is_stated(:2) = [allocated(measured%ebsd), allocated(measured%velocities)]
-         is_stated(3:) = [measured%misalignment_sd_deg > 0.0_wp, &
+         is_stated(:2) = [allocated(measured%ebsd), measured%misalignment_sd_deg > 0.0_wp]
+         is_stated(3:) = [ &
             & measured%orientation_sd_deg > 0.0_wp, measured%likelihood /= 'normal', &
             & measured%scale == 'inferred', .true.]
          k = findloc(is_stated, .true., 1)
          call check(measured%orientations == 'unknown' .and. k < size(needs_known), &
             & 'measurements', 'orientations', '''unknown'' cannot be combined with ' &
             & //trim(needs_known(k))//'; remove one of them')
-         ! The first stated variable that needs computed speeds.
-         k = findloc([allocated(measured%velocities), allocated(settings%next%velocity_cost), &
-            & allocated(settings%plan%velocity_noise), .true.], .true., 1)
-         has_speeds = k < size(names)
-         call check(has_speeds .and. .not. is_bulk, trim(groups(k)), trim(names(k)), &
-            & 'speeds are computed for a bulk sample, but geometry is '''//geometry &
-            & //'''; remove '//trim(names(k)) &
-            & //', or infer the constants from speeds and moduli of a bulk sample')
-         call check(has_speeds .and. .not. allocated(settings%problem%density_kg_m3), 'problem', &
-            & 'density_kg_m3', 'the variable is missing; &'//trim(groups(k))//' '//trim(names(k)) &
-            & //' needs it (allowed 10 to 1e5 kg/m3)')
+         if (.not. allocated(error)) then
+            call check_speeds(settings, allocated(measured%velocities), error)
+         end if
          call check(allocated(indenter%depth_um) .and. allocated(indenter%contact_radius_um), &
             & 'indenter', 'depth_um', 'the last point is stated twice, by depth_um and by ' &
             & //'contact_radius_um; one of them is allowed')
@@ -200,13 +220,14 @@ contains
          needed(:2) = 'grain'
          needed(3:) = 'film'
          associate (stated => settings%specimen)
-            k = findloc([allocated(stated%grain_radius_um), allocated(stated%matrix_young_gpa), &
-               & allocated(stated%thickness_um), allocated(stated%substrate_young_gpa), &
-               & allocated(stated%substrate_symmetry), allocated(stated%substrate_constants), &
-               & allocated(stated%substrate_euler_deg), allocated(stated%layers), .true.] &
-               & .and. needed /= geometry, .true., 1)
+            has_size(:3) = [allocated(stated%grain_radius_um), &
+               & allocated(stated%matrix_young_gpa), allocated(stated%thickness_um)]
+            has_size(4:6) = [allocated(stated%substrate_young_gpa), &
+               & allocated(stated%substrate_symmetry), allocated(stated%substrate_constants)]
+            has_size(7:) = [allocated(stated%substrate_euler_deg), allocated(stated%layers)]
          end associate
-         call check(k > 0 .and. k < size(of_geometry), 'specimen', trim(of_geometry(max(1, k))), &
+         k = findloc(has_size .and. needed /= geometry, .true., 1)
+         call check(k > 0, 'specimen', trim(of_geometry(max(1, k))), &
             & 'is only for geometry = '''//trim(needed(max(1, k)))//'''; state that, or remove it')
          stages_of_build = [design%given, settings%domain%given, settings%surrogate%given]
          k = findloc(stages_of_build, .true., 1)

@@ -174,10 +174,10 @@ contains
       call locate_error(error, '', 'indenter')
       if (.not. allocated(error)) then
          associate (stated => problem%settings%specimen, film => specimen%layers)
-            is_stated = [allocated(stated%substrate_young_gpa), &
-               & allocated(stated%substrate_symmetry), allocated(stated%substrate_constants), &
-               & allocated(stated%substrate_euler_deg), allocated(stated%thickness_um), &
-               & stated%substrate == 'rigid']
+            is_stated(:3) = [allocated(stated%substrate_young_gpa), &
+               & allocated(stated%substrate_symmetry), allocated(stated%substrate_constants)]
+            is_stated(4:) = [allocated(stated%substrate_euler_deg), &
+               & allocated(stated%thickness_um), stated%substrate == 'rigid']
             ! A file of layers has all of them; a rigid substrate has no stiffness.
             i = findloc(is_stated .and. allocated(problem%data%layers), .true., 1)
             if (i == 0 .and. is_stated(6)) i = findloc(is_stated(:4), .true., 1)

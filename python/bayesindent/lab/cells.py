@@ -6,6 +6,7 @@ import csv
 import re
 from collections import Counter
 from io import StringIO
+from itertools import repeat
 from typing import Any
 from unicodedata import normalize
 
@@ -130,9 +131,10 @@ def rows_of(text: str) -> tuple[list[tuple[int, list[str]]], set[int]]:
         elif not cells[0].startswith("#"):
             rows.append((last_line + 1, cells))
         last_line = reader.line_num
-    if delimiter != ",":
+    may_be_decimal = delimiter != ","
+    if may_be_decimal:
         refuse_two_marks(rows)
-    return [(line, [tidy(cell, delimiter != ",") for cell in cells]) for line, cells in rows], blank
+    return [(line, list(map(tidy, cells, repeat(may_be_decimal)))) for line, cells in rows], blank
 
 
 def refuse_two_marks(rows: list[tuple[int, list[str]]]) -> None:

@@ -42,8 +42,6 @@ def compare_all(results: Iterable, output: Any) -> dict:
     import arviz
 
     rows, warnings, draws = [], [], {}
-    # Each constant of the first run that has it.
-    first: dict = {}
     runs = list(map(Results, results))
     for number, run in enumerate(runs, 1):
         name = str(run.folder) if run.result is None else f"result {number}"
@@ -59,7 +57,7 @@ def compare_all(results: Iterable, output: Any) -> dict:
         ]
         for constant in run.constants:
             item = summary["parameters"][constant]
-            other = first.setdefault(constant, item)
+            other = runs[0].extracted["parameters"].get(constant)
             low, high = item["hdi_95"]
             rows.append(
                 {
@@ -69,8 +67,8 @@ def compare_all(results: Iterable, output: Any) -> dict:
                     "sd_gpa": item["sd"],
                     "low_95_gpa": low,
                     "high_95_gpa": high,
-                    "difference_sd": (item["mean"] - other["mean"])
-                    / hypot(item["sd"], other["sd"]),
+                    "difference_sd": other
+                    and (item["mean"] - other["mean"]) / hypot(item["sd"], other["sd"]),
                 }
             )
         # The constants of those draws for which the likelihood of each grain is stored.

@@ -123,7 +123,7 @@ def plus_minus(item: Mapping) -> str:
 def median_and_range(item: Mapping) -> str:
     """Median and interval of 68 %, for a distribution that a mean and an sd do not describe."""
     low, median, high = item["quantiles"][1:4]
-    return f"{number(median, 0)} ({number(low, 0)} to {number(high, 0)})"
+    return f"{number(median, 0)} (68 %: {number(low, 0)} to {number(high, 0)})"
 
 
 def has_four_indices(symmetry: str) -> bool:

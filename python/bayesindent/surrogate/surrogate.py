@@ -109,9 +109,15 @@ class Surrogate(NativeObject):
         """
         basis = Basis.from_keywords(symmetry, domain, **settings)
         rows = basis.rows(constants, euler_deg)
+        rows["modulus_gpa"] = np.asarray(modulus_gpa, dtype=float)
         if by_stiffness is not None:
             rows["by_stiffness"] = np.asarray(by_stiffness, dtype=float)
-        return cls(basis._call("fit", modulus_gpa=modulus_gpa, **rows)["handle"])
+        n = len(rows["constants"])
+        for name, shape in (("modulus_gpa", (n,)), ("by_stiffness", (n, 21))):
+            values = rows.get(name, np.zeros(shape))
+            if values.shape != shape or not np.isfinite(values).all():
+                raise InputError(f"{name}: finite numbers of the shape {shape} are needed")
+        return cls(basis._call("fit", **rows)["handle"])
 
     def leave_out(self, groups: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         """For each simulation of `data` the modulus (n,) in GPa that the simulations outside its
@@ -119,6 +125,8 @@ class Surrogate(NativeObject):
         simulations of a group.
         """
         numbers = np.asarray(groups, dtype=float).ravel()
+        if len(numbers) != len(self._facts["simulated_modulus_gpa"]):
+            raise InputError("groups: a number for each simulation is needed")
         modulus, z = self.basis._call("leave_out", groups=numbers, **self.data)["values"]
         return modulus, z
 

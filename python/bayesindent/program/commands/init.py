@@ -12,7 +12,7 @@ from ...core import InputError
 from ...crystal.elasticity import class_name, constant_names
 from ...crystal.metals import known_of, metals
 from ...settings.problem import Variable, schema, spelled
-from ..command import Command
+from ..command import Command, quoted
 
 #: Names of the two files.
 NAMELIST, TABLE = "grains.nml", "grains.csv"
@@ -181,7 +181,7 @@ COMMANDS = (
         arguments=add_arguments,
         show=lambda document: print("Written:", *document["files"]),
         then=lambda _, document: (
-            f"fill in {document['files'][1]}, then bayesindent run {document['files'][0]}"
+            f"fill in {document['files'][1]}, then bayesindent run {quoted(document['files'][0])}"
         ),
     ),
 )

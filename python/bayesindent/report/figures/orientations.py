@@ -34,8 +34,9 @@ def orientations(results: Results) -> Picture:
         surrogate.predict(crystals, euler_of(lattice), threads=threads)[0]
     )
     mean, sd = modulus.mean(axis=0), modulus.std(axis=0)
-    measured = np.array([item.get("measured") or 0.0 for item in grains])
-    error = [item.get("measured_sd") or 0.0 for item in grains]
+    factor = results.shared_factor
+    measured = np.array([(item.get("measured") or 0.0) / factor for item in grains])
+    error = [(item.get("measured_sd") or 0.0) / factor for item in grains]
     figure, (left, right) = panels(3.2, 1, 2)
     ends = {"vmin": min([mean.min(), *measured]), "vmax": max([mean.max(), *measured])}
     draw_values(results, left, lattice, mean, f"mean of {results.kind} (GPa)", **ends)
@@ -47,6 +48,8 @@ def orientations(results: Results) -> Picture:
     points = np.column_stack([directions, measured, error])
     rows += [["measured", *row] for row in points.tolist()]
     told = " Discs are the measured grains, on the left by their measured value."
+    if factor != 1.0:
+        told = f"{told[:-1]} over {factor:.3g}, the factor that all share."
     return Picture(
         figure,
         "Posterior mean and sd of the modulus over the crystal directions that differ"
