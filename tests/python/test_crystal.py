@@ -158,6 +158,20 @@ def test_space_groups_have_their_class(number):
     assert class_name(group.short_name) == class_name(group.short_name.replace(" ", "")) == expected
 
 
+@pytest.mark.parametrize(
+    ("word", "expected"),
+    [("Fm3m", "cubic"), ("Ia3d", "cubic"), ("F43m", "cubic"), ("Pa3", "cubic"), ("P3112", "-3m")],
+)
+def test_older_symbols_of_space_groups(word, expected):
+    assert class_name(word) == class_name(expected)
+
+
+@pytest.mark.parametrize("word", ["P112", "P 1 1 2/m", "P1121/b", "P 2/m 1 1", "B2/b", "P21/b"])
+def test_monoclinic_cells_with_another_unique_axis_are_refused(word):
+    with pytest.raises(bi.InputError, match="is no crystal class"):
+        class_name(word)
+
+
 @pytest.mark.parametrize("word", ["0", "231", "cubik", "Qm-3m", "P", "F m", "bcd", "hexa"])
 def test_other_words_are_no_space_groups(word):
     if word == "F m":

@@ -136,6 +136,16 @@ def test_calculix_reads_its_card(tmp_path):
     assert stress == pytest.approx(np.array(strains) @ (1000 * matrix), rel=1e-5, abs=1e-3)
 
 
+#: The laboratory of a result whose factor and contrast are inferred.
+LABORATORY = {
+    "method": "scmh",
+    "laboratory": {
+        "log_factor": [{"mean": 0.0, "sd": 0.1, "prior_mean": 0.1, "prior_sd": 0.15}],
+        "log_contrast": {"mean": 0.0, "sd": 0.1, "prior_mean": -0.15, "prior_sd": 0.4},
+    },
+}
+
+
 def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     kept = [
         item for item in drawing.FIGURES if item[1].__name__ in ("grain_comparison", "validation")
@@ -169,6 +179,8 @@ def test_the_pack_has_the_numbers_of_the_run(tmp_path, monkeypatch, capsys):
     for change, words in (
         ({"independent_draws": None}, "Markov chains whose steps"),
         ({"method": "scmh"}, "single-component Metropolis--Hastings"),
+        (LABORATORY, r"The logarithm of the contrast has the normal prior -0.15 $\pm$ 0.4."),
+        (LABORATORY, r"of the factor of the laboratory has the normal prior 0.1 $\pm$ 0.15."),
     ):
         results.documents["extract"] = results.documents["extract"] | change
         described = methods(results)[0]

@@ -202,6 +202,26 @@ def test_a_correction_goes_with_the_scale_and_with_the_frame():
     )
 
 
+@pytest.mark.parametrize("name", ["modulus_gpa", "by_stiffness"])
+@pytest.mark.parametrize("change", ["fewer", "more", "nan"])
+def test_training_data_of_other_shapes_are_refused(name, change):
+    settings = {"symmetry": "cubic", "domain": DOMAINS["cubic"]}
+    data = dict(
+        zip(
+            ("constants", "euler_deg", "modulus_gpa"),
+            sample(Basis.from_keywords("cubic", DOMAINS["cubic"]), 20, 1),
+            strict=True,
+        )
+    )
+    data["by_stiffness"] = np.zeros((20, 21))
+    values = data[name].copy()
+    if change == "nan":
+        values[0] = np.nan
+    data[name] = {"fewer": values[1:], "more": np.concatenate([values, values])}.get(change, values)
+    with pytest.raises(bi.InputError, match=f"{name}: finite numbers of the shape"):
+        Surrogate.fit(**data, **settings)
+
+
 def test_a_file_and_copies_give_back_the_same_surrogate(surrogate, tmp_path):
     constants, angles, _ = sample(surrogate.basis, 50, 6)
     stiffness = stiffness_rows("cubic", constants)

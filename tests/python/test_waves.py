@@ -90,6 +90,24 @@ def test_a_density_that_is_none_is_refused(density):
         bi.rayleigh_velocity(np.eye(6), [0, 0, 0], 0.0, density)
 
 
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({}, "density_kg_m3: the variable is missing; &measurements velocities needs it"),
+        ({"density_kg_m3": 8960.0, "orientations": "unknown"}, "cannot be combined with veloc"),
+    ],
+)
+def test_speeds_in_a_table_of_python_need_what_those_of_a_file_need(settings, said):
+    table = {
+        "euler_deg": [[0, 0, 0]],
+        "propagation_deg": [0],
+        "velocity_m_s": [2000],
+        "sd_m_s": [10],
+    }
+    with pytest.raises(bi.InputError, match=said):
+        bi.extract(None, "cubic", velocities=table, **settings)
+
+
 def test_shapes_that_do_not_fit_are_refused():
     with pytest.raises(bi.InputError, match="do not broadcast"):
         bi.rayleigh_velocity(np.eye(6), np.zeros((2, 3)), np.zeros(3), 1.0)
