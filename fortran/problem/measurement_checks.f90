@@ -18,11 +18,13 @@ contains
    !> Refuse angles that are probably in radians: all are below 2 pi, and some are not integers.
    subroutine refuse_radians(points, error)
       type(points_type), intent(in) :: points
-      type(error_type), allocatable, intent(out) :: error
+      !> Nothing is done after an error.
+      type(error_type), allocatable, intent(inout) :: error
       !> Angles of at least this number of grains are not below 2 pi by chance.
       integer, parameter :: least_grains = 3
 
-      if (points%n < least_grains .or. .not. angles_look_like_radians(points)) return
+      if (allocated(error) .or. points%n < least_grains) return
+      if (.not. angles_look_like_radians(points)) return
       if (any(abs(points%euler_deg - anint(points%euler_deg)) > 0.0_wp)) then
          call refuse(error, &
             & 'no angle is above 2 pi, so these look like radians, and degrees are needed; if ' &

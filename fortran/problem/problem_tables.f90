@@ -127,14 +127,10 @@ contains
 
          call find_table('velocities', problem%settings%measurements%velocities, table)
          if (.not. allocated(error) .and. table%columns > 0) then
-            call check_speeds(problem%settings, .true., error)
-            call problem%locate('', '', error)
-            if (allocated(error)) return
             allocate (problem%data%velocities)
+            call check_speeds(problem%settings, .true., error)
             call read_velocities(table, in_radians(problem), problem%data%velocities, error)
-            if (.not. (allocated(error) .or. in_radians(problem))) then
-               call refuse_radians(problem%data%velocities, error)
-            end if
+            if (.not. in_radians(problem)) call refuse_radians(problem%data%velocities, error)
          end if
          call problem%locate('measurements', 'velocities', error)
       end subroutine load_velocities

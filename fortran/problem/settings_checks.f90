@@ -27,14 +27,14 @@ contains
       needs_symmetry = settings%measurements%given .or. settings%prior%given &
          & .or. settings%plan%given .or. (settings%surrogate%model == 'paper' &
          & .and. (settings%design%given .or. settings%domain%given))
-      call check(needs_symmetry .and. .not. allocated(settings%problem%symmetry), 'problem', &
-         & 'symmetry', 'the variable is missing; allowed '//crystal_class_names())
+      call check(error, needs_symmetry .and. .not. allocated(settings%problem%symmetry), &
+         & 'problem', 'symmetry', 'the variable is missing; allowed '//crystal_class_names())
       if (settings%plan%given) then
          call check_count('plan', 'constants', settings%plan%constants)
          if (allocated(error)) return
-         call check(any(abs(settings%plan%grains - anint(settings%plan%grains)) > 0.0_wp), 'plan', &
-            & 'grains', 'a number of grains is not an integer; allowed 1 to 10000')
-         call check(.not. is_stable(class%stiffness(settings%plan%constants)), 'plan', &
+         call check(error, any(abs(settings%plan%grains - anint(settings%plan%grains)) > 0.0_wp), &
+            & 'plan', 'grains', 'a number of grains is not an integer; allowed 1 to 10000')
+         call check(error, .not. is_stable(class%stiffness(settings%plan%constants)), 'plan', &
             & 'constants', 'the crystal is not elastically stable; the stiffness must be ' &
             & //'positive definite')
       end if
@@ -47,15 +47,6 @@ contains
       if (.not. allocated(error)) call check_combinations(settings, error)
 
    contains
-
-      !> Refuse the value of a variable if it is `wrong`, unless another one was refused.
-      subroutine check(wrong, group, name, message)
-         logical, intent(in) :: wrong
-         character(len=*), intent(in) :: group, name, message
-
-         if (allocated(error) .or. .not. wrong) return
-         call refuse(error, message, group, name)
-      end subroutine check
 
       !> Refuse bounds unless c_min is below c_max, or equal to it in &prior, and some crystal
       !> between them is stable. Either bound may be absent.
@@ -72,14 +63,16 @@ contains
          ! A prior whose bounds are equal fixes a constant.
          i = findloc(low > high .or. (group == 'domain' .and. .not. low < high), .true., dim=1)
          if (i > 0) then
-            call check(.true., group, 'c_min', 'the lower bound of '//class%constants(i)//', ' &
-               & //to_text(low(i))//' GPa, is not below the upper one, '//to_text(high(i))//' GPa')
+            call check(error, .true., group, 'c_min', 'the lower bound of '//class%constants(i) &
+               & //', ' //to_text(low(i))//' GPa, is not below the upper one, '//to_text(high(i)) &
+               & //' GPa')
             return
          end if
          ! The most stable crystal: large constants on the diagonal, small ones off it.
          best = merge(high, max(low, min(high, 0.0_wp)), &
             & class%constants(:)(2:2) == class%constants(:)(3:3))
-         call check(.not. is_stable(class%stiffness(best)), group, 'c_max', 'no crystal between ' &
+         call check(error, .not. is_stable(class%stiffness(best)), group, 'c_max', &
+            & 'no crystal between ' &
             & //'c_min and c_max is elastically stable; the stiffness must be positive definite')
       end subroutine check_bounds
 
@@ -93,10 +86,10 @@ contains
          found = to_text(size(values))//' values'
          if (size(values) == 1) found = 'one value'
          if (class%n_constants == 0) then
-            call check(.true., group, name, &
+            call check(error, .true., group, name, &
                & 'a value for each constant is needed, and so &problem symmetry')
          else
-            call check(size(values) /= size(class%constants), group, name, found//'; ' &
+            call check(error, size(values) /= size(class%constants), group, name, found//'; ' &
                & //to_text(class%n_constants)//' are needed: '//join(class%constants, ', '))
          end if
       end subroutine check_count
@@ -119,9 +112,9 @@ contains
          i = maxloc(sizes, dim=1)
          j = findloc(sizes == sizes(i), .false., dim=1)
          if (j == 0) return
-         call check(sizes(j) == 0, group, trim(names(j)), 'the variable is missing; ' &
+         call check(error, sizes(j) == 0, group, trim(names(j)), 'the variable is missing; ' &
             & //trim(names(i))//' needs it')
-         call check(.true., group, trim(names(j)), 'the number of values is ' &
+         call check(error, .true., group, trim(names(j)), 'the number of values is ' &
             & //to_text(sizes(j))//', that of '//trim(names(i))//' is '//to_text(sizes(i)) &
             & //'; each '//trim(names(1))//' needs '//join(names(2:), ', '))
       end subroutine check_lists
@@ -168,33 +161,22 @@ contains
          & 'misalignment_sd_deg', 'orientation_sd_deg', 'likelihood', &
          & 'scale = ''inferred''', '']
       integer :: k
-      !> Groups of a build.
-      character(len=*), parameter :: build_groups(3) = [character(len=9) :: 'design', 'domain', &
-         & 'surrogate']
-      !> Variables of one geometry alone.
-      character(len=*), parameter :: of_geometry(8) = [character(len=19) :: 'grain_radius_um', &
-         & 'matrix_young_gpa', 'thickness_um', 'substrate_young_gpa', 'substrate_symmetry', &
-         & 'substrate_constants', 'substrate_euler_deg', 'layers']
-      character(len=5) :: needed(size(of_geometry))
-      logical :: is_bulk, is_stated(size(needs_known)), stages_of_build(3), &
-         & has_size(size(of_geometry))
+      logical :: is_stated(size(needs_known))
 
       associate (curves => settings%curves, design => settings%design, &
-         & geometry => settings%specimen%geometry, indenter => settings%indenter, &
-         & measured => settings%measurements)
-         is_bulk = geometry == 'halfspace' .or. geometry == 'block'
-         call check(curves%given .and. (allocated(curves%file) .eqv. allocated(curves%files)), &
-            & 'curves', 'file', &
+         & indenter => settings%indenter, measured => settings%measurements)
+         call check(error, curves%given .and. (allocated(curves%file) .eqv. &
+            & allocated(curves%files)), 'curves', 'file', &
             & 'one of file, a CSV of curves, and files, those of an instrument, is needed')
-         call check(allocated(measured%ebsd_points) .and. .not. allocated(measured%ebsd), &
+         call check(error, allocated(measured%ebsd_points) .and. .not. allocated(measured%ebsd), &
             & 'measurements', 'ebsd', 'the variable is missing; ebsd_points needs it')
-         call check(allocated(measured%crystal_axes) .and. .not. allocated(measured%ebsd), &
+         call check(error, allocated(measured%crystal_axes) .and. .not. allocated(measured%ebsd), &
             & 'measurements', 'crystal_axes', 'is only for ebsd, an orientation map; remove it. ' &
             & //'docs/measurements.md has the axes that the angles of a table refer to')
-         call check(allocated(measured%texture) .and. measured%orientations /= 'unknown', &
+         call check(error, allocated(measured%texture) .and. measured%orientations /= 'unknown', &
             & 'measurements', 'texture', 'is only for grains of unknown orientation; state ' &
             & //'orientations = ''unknown'', or remove it')
-         call check(abs(measured%student_dof - 4.0_wp) > 0.0_wp &
+         call check(error, abs(measured%student_dof - 4.0_wp) > 0.0_wp &
             & .and. measured%likelihood /= 'student', 'measurements', 'student_dof', &
             & 'is only for likelihood = ''student''; state that, or remove it')
          ! The first stated variable that needs orientations.
@@ -203,61 +185,82 @@ contains
             & measured%orientation_sd_deg > 0.0_wp, measured%likelihood /= 'normal', &
             & measured%scale == 'inferred', .true.]
          k = findloc(is_stated, .true., 1)
-         call check(measured%orientations == 'unknown' .and. k < size(needs_known), &
+         call check(error, measured%orientations == 'unknown' .and. k < size(needs_known), &
             & 'measurements', 'orientations', '''unknown'' cannot be combined with ' &
             & //trim(needs_known(k))//'; remove one of them')
          if (.not. allocated(error)) then
             call check_speeds(settings, allocated(measured%velocities), error)
          end if
-         call check(allocated(indenter%depth_um) .and. allocated(indenter%contact_radius_um), &
-            & 'indenter', 'depth_um', 'the last point is stated twice, by depth_um and by ' &
+         call check(error, allocated(indenter%depth_um) .and. &
+            & allocated(indenter%contact_radius_um), 'indenter', 'depth_um', &
+            & 'the last point is stated twice, by depth_um and by ' &
             & //'contact_radius_um; one of them is allowed')
-         call check(len(settings%specimen%estimator) == 0 .and. measured%given &
-            & .and. .not. is_bulk, 'specimen', 'estimator', 'the variable is missing; how does ' &
+         if (.not. allocated(error)) call check_specimen(settings, error)
+         call check(error, allocated(settings%knowledge%stiffness_relative_sd) &
+            & .and. .not. allocated(settings%knowledge%stiffness_file), 'knowledge', &
+            & 'stiffness_relative_sd', 'is only for stiffness_file; state that, or remove it')
+         call check(error, design%initial > design%budget, 'design', 'initial', &
+            & to_text(design%initial) //' is more than the budget; allowed 0 to ' &
+            & //to_text(design%budget))
+         call check(error, design%candidates == 'latin' .and. design%n_candidates < design%budget, &
+            & 'design', 'budget', to_text(design%budget) &
+            & //' is more than n_candidates; allowed 1 to '//to_text(design%n_candidates))
+      end associate
+
+   end subroutine check_combinations
+
+   !> Refuse variables that do not go with the geometry of the specimen.
+   subroutine check_specimen(settings, error)
+      type(settings_type), intent(in) :: settings
+      type(error_type), allocatable, intent(out) :: error
+      !> Groups of a build.
+      character(len=*), parameter :: build_groups(3) = [character(len=9) :: 'design', 'domain', &
+         & 'surrogate']
+      !> Variables of one geometry alone.
+      character(len=*), parameter :: of_geometry(8) = [character(len=19) :: 'grain_radius_um', &
+         & 'matrix_young_gpa', 'thickness_um', 'substrate_young_gpa', 'substrate_symmetry', &
+         & 'substrate_constants', 'substrate_euler_deg', 'layers']
+      character(len=5) :: needed(size(of_geometry))
+      logical :: is_stated(size(of_geometry))
+      integer :: k
+
+      associate (stated => settings%specimen, geometry => settings%specimen%geometry)
+         call check(error, len(stated%estimator) == 0 .and. settings%measurements%given .and. &
+            & geometry /= 'halfspace' .and. geometry /= 'block', 'specimen', 'estimator', &
+            & 'the variable is missing; how does ' &
             & //'the instrument compute the modulus? Allowed: ''curve'' (fit of force against ' &
             & //'depth^1.5), ''stiffness'' (S/(2 a), S the contact stiffness dP/dh, a the ' &
             & //'true contact radius), ''stiffness_hertz'' (S/(2 a), a = sqrt(R h))')
          needed(:2) = 'grain'
          needed(3:) = 'film'
-         associate (stated => settings%specimen)
-            has_size(:3) = [allocated(stated%grain_radius_um), &
-               & allocated(stated%matrix_young_gpa), allocated(stated%thickness_um)]
-            has_size(4:6) = [allocated(stated%substrate_young_gpa), &
-               & allocated(stated%substrate_symmetry), allocated(stated%substrate_constants)]
-            has_size(7:) = [allocated(stated%substrate_euler_deg), allocated(stated%layers)]
-         end associate
-         k = findloc(has_size .and. needed /= geometry, .true., 1)
-         call check(k > 0, 'specimen', trim(of_geometry(max(1, k))), &
+         is_stated(:3) = [allocated(stated%grain_radius_um), &
+            & allocated(stated%matrix_young_gpa), allocated(stated%thickness_um)]
+         is_stated(4:6) = [allocated(stated%substrate_young_gpa), &
+            & allocated(stated%substrate_symmetry), allocated(stated%substrate_constants)]
+         is_stated(7:) = [allocated(stated%substrate_euler_deg), allocated(stated%layers)]
+         k = findloc(is_stated .and. needed /= geometry, .true., 1)
+         call check(error, k > 0, 'specimen', trim(of_geometry(max(1, k))), &
             & 'is only for geometry = '''//trim(needed(max(1, k)))//'''; state that, or remove it')
-         stages_of_build = [design%given, settings%domain%given, settings%surrogate%given]
-         k = findloc(stages_of_build, .true., 1)
-         call check(geometry == 'film' .and. k > 0, trim(build_groups(max(1, k))), '', &
+         k = findloc([settings%design%given, settings%domain%given, settings%surrogate%given], &
+            & .true., 1)
+         call check(error, geometry == 'film' .and. k > 0, trim(build_groups(max(1, k))), '', &
             & 'a film needs no simulations and no surrogate of yours: extract computes it by ' &
             & //'theory; remove the group')
-         call check(settings%surrogate%file == 'halfspace' &
-            & .and. (measured%given .or. settings%plan%given) .and. geometry /= 'halfspace', &
-            & 'surrogate', 'file', '''halfspace'' is the theory of a bulk sample, but geometry ' &
-            & //'is '''//geometry &
+         call check(error, settings%surrogate%file == 'halfspace' .and. &
+            & (settings%measurements%given .or. settings%plan%given) .and. geometry /= &
+            & 'halfspace', 'surrogate', 'file', &
+            & '''halfspace'' is the theory of a bulk sample, but geometry ' //'is '''//geometry &
             & //'''; state &design to train a surrogate of it, or the name of one')
-         call check(allocated(settings%knowledge%stiffness_relative_sd) &
-            & .and. .not. allocated(settings%knowledge%stiffness_file), 'knowledge', &
-            & 'stiffness_relative_sd', 'is only for stiffness_file; state that, or remove it')
-         call check(design%initial > design%budget, 'design', 'initial', to_text(design%initial) &
-            & //' is more than the budget; allowed 0 to '//to_text(design%budget))
-         call check(design%candidates == 'latin' .and. design%n_candidates < design%budget, &
-            & 'design', 'budget', to_text(design%budget) &
-            & //' is more than n_candidates; allowed 1 to '//to_text(design%n_candidates))
       end associate
+   end subroutine check_specimen
 
-   contains
+   !> Refuse the value of a variable if it is `wrong`, unless another one was refused.
+   subroutine check(error, wrong, group, name, message)
+      type(error_type), allocatable, intent(inout) :: error
+      logical, intent(in) :: wrong
+      character(len=*), intent(in) :: group, name, message
 
-      !> Refuse the value of a variable if it is `wrong`, unless another one was refused.
-      subroutine check(wrong, group, name, message)
-         logical, intent(in) :: wrong
-         character(len=*), intent(in) :: group, name, message
-
-         if (allocated(error) .or. .not. wrong) return
-         call refuse(error, message, group, name)
-      end subroutine check
-   end subroutine check_combinations
+      if (allocated(error) .or. .not. wrong) return
+      call refuse(error, message, group, name)
+   end subroutine check
 end module settings_checks

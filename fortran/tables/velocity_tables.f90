@@ -21,7 +21,8 @@ contains
       logical, intent(in) :: radians
       !> With the speeds in place of moduli.
       type(points_type), intent(out) :: points
-      type(error_type), allocatable, intent(out) :: error
+      !> Nothing is read after an error.
+      type(error_type), allocatable, intent(inout) :: error
       real(wp), allocatable :: along(:)
       logical :: has_direction
       integer :: column, i

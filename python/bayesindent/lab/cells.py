@@ -132,9 +132,13 @@ def rows_of(text: str) -> tuple[list[tuple[int, list[str]]], set[int]]:
             rows.append((last_line + 1, cells))
         last_line = reader.line_num
     may_be_decimal = delimiter != ","
-    if may_be_decimal:
+    if may_be_decimal and "," in text and "." in text:
         refuse_two_marks(rows)
-    return [(line, list(map(tidy, cells, repeat(may_be_decimal)))) for line, cells in rows], blank
+    for i, (line, cells) in enumerate(rows):
+        # Most rows of long tables need nothing.
+        if re.search(r"[\s,]", "".join(cells)):
+            rows[i] = (line, list(map(tidy, cells, repeat(may_be_decimal))))
+    return rows, blank
 
 
 def refuse_two_marks(rows: list[tuple[int, list[str]]]) -> None:
