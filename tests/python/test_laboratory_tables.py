@@ -577,6 +577,15 @@ def test_units_of_sizes(tmp_path, header, cell, expected):
     assert [float(value) for value in table.cells[j]] == [expected] * len(ROWS)
 
 
+@pytest.mark.parametrize("header", ["X (px)", "Time (min)"])
+def test_columns_that_are_not_needed_may_have_other_units(tmp_path, header):
+    path = tmp_path / "a.csv"
+    path.write_text(text([(*row, k) for k, row in enumerate(ROWS)], [*NAMES, header]))
+    found = read_measurements(path, "cubic")
+    assert f"the column {header} is not read: its unit is" in notes(found.problem.warnings)
+    assert found.modulus_gpa.tolist() == [row[4] for row in ROWS]
+
+
 @pytest.mark.parametrize("name", ["# indents", "Number of indentations", "N (tests)", "n_tests"])
 def test_names_of_the_number_of_tests(tmp_path, name):
     path = tmp_path / "a.csv"

@@ -40,6 +40,8 @@ STATISTICS = re.compile(
     r"|(min(?:imum)?|max(?:imum)?|count|number|range|sum|total|n))\b[^0-9]*(?:\(n ?= ?\d+\))?$",
     re.I,
 )
+#: Columns that a table without a map does without.
+OPTIONAL = ("time_s", "x_um", "y_um")
 #: Indices of a direction or a plane in one cell, such as "[1 0 -2]" or "(0001)".
 INDICES = re.compile(r"([\[({<])\s*(-?\d[-\d\s,.;\u0304\u0305]*)[\])}>]$")
 #: Headers of sds in per cent of the value, such as "CoV (%)"; they count where no column has the sd
@@ -100,6 +102,10 @@ def factors_of_units(table: LaboratoryTable, radians: bool) -> dict[int, float]:
                 continue
             # In a header that the user names, and of names, other words are no unit.
             if unit not in UNIT_WORDS and (not units or (name in table.stated and unit != under)):
+                continue
+            if meaning in OPTIONAL:
+                table.meanings[j] = ""
+                table.note(f"the column {name} is not read: its unit is {unit}")
                 continue
             allowed = f"allowed {' '.join(units)}" if units else "this column has none"
             raise InputError(f"column {name}: the unit {unit} is not read; {allowed}")
