@@ -31,6 +31,9 @@ contains
       type(segment_type), intent(out) :: segment
       !> Fewest points before the contact that define the zero of the load.
       integer, parameter :: fewest_for_zero = 10
+      !> Least depth of an approach relative to that of the curve. At the preload of a contact the
+      !> depth hardly grows before the load does.
+      real(wp), parameter :: least_approach = 0.05_wp
       real(wp), allocatable :: means(:, :), loads_before(:)
       real(wp) :: peak, zero
       integer :: first, last, block, n, i
@@ -43,11 +46,17 @@ contains
             return
          end if
          last = findloc(load >= last_share*peak, .true., 1)
-         ! The first loads are about the zero if they hardly change.
+         ! The first loads are about the zero if the depth grows without them: in an approach.
          n = min(last, fewest_for_zero)
-         zero = merge(median(n, load(:n)), 0.0_wp, &
-            & maxval(load(:n)) - minval(load(:n)) < 2.0_wp*first_share*peak)
-         first = findloc(load(:last) - zero < first_share*peak, .true., 1, back=.true.) + 1
+         zero = median(n, load(:n))
+         first = contact_at(zero)
+         associate (depth => points(2, :))
+            if (maxval(abs(load(:first - 1) - zero)) > 2.0_wp*first_share*peak .or. &
+               & depth(min(first, last)) - depth(1) <= least_approach*(depth(last) - depth(1))) then
+               zero = 0.0_wp
+            end if
+         end associate
+         first = contact_at(zero)
          block = 1 + max(0, last - first - 1)/most_points
          n = (last - first)/block
          loads_before = pack(load(:first - 1), load(:first - 1) - zero < first_share*peak)
@@ -69,5 +78,15 @@ contains
       segment%depth = means(2, :) - drift*segment%time
       segment%load = means(3, :)
       segment%stiffness = 1.0e-3_wp*pack(means(4:, :), .true.)
+
+   contains
+
+      !> Number of the first point after which the loads are above a zero.
+      integer function contact_at(zero)
+         real(wp), intent(in) :: zero
+
+         contact_at = 1 + findloc(points(3, :last) - zero < first_share*peak, .true., 1, &
+            & back=.true.)
+      end function contact_at
    end subroutine take_loading
 end module loading_segment

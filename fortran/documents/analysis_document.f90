@@ -417,9 +417,14 @@ contains
       call add_line(lines, line)
       line = ''
       do j = 1, prior%n_constants
-         if (prior%has_bound(j)) then
-            line = line//', '//prior%class%constants(j)//' '//to_text(prior%lower(j))//' .. ' &
-               & //to_text(prior%upper(j))
+         if (.not. prior%has_bound(j)) cycle
+         line = line//', '//prior%class%constants(j)//' '
+         if (.not. prior%has_lower(j)) then
+            line = line//'up to '//to_text(prior%upper(j))
+         else if (.not. prior%has_upper(j)) then
+            line = line//'above '//to_text(prior%lower(j))
+         else
+            line = line//to_text(prior%lower(j))//' .. '//to_text(prior%upper(j))
          end if
       end do
       if (len(line) > 0) call add_line(lines, 'bounds in GPa: '//line(3:))

@@ -77,7 +77,8 @@ module constants_prior
       type(domain_type), allocatable :: domain
    contains
       procedure :: admits, deviations, log_density, log_mass, draw_start, is_drawn, &
-         & has_bound, is_cut, without_limits, set_knowledge, log_density_of_constants
+         & has_bound, has_lower, has_upper, is_cut, without_limits, set_knowledge, &
+         & log_density_of_constants
    end type prior_type
 
    !> Number of crystals that are drawn to estimate the share of the prior for which the surrogate
@@ -115,7 +116,10 @@ contains
          prior%upper = merge(stated%c_max, absent_upper, stated%c_max < greatest_bound)
       end if
       prior%has_default = any(prior%lower <= absent_lower .or. prior%upper >= absent_upper)
-      prior%is_stated = prior%upper <= prior%lower
+      prior%is_stated = spread(.false., 1, class%n_constants)
+      if (allocated(stated%c_min) .and. allocated(stated%c_max)) then
+         prior%is_stated = stated%c_max <= stated%c_min
+      end if
       i = findloc(prior%is_stated, .true., dim=1)
       if (prior%has_default .and. i > 0) then
          call refuse(error, class%constants(i)//' has equal bounds, and another constant has ' &
@@ -283,8 +287,22 @@ contains
       class(prior_type), intent(in) :: self
       integer, intent(in) :: j
 
-      has_bound = self%lower(j) > absent_lower .or. self%upper(j) < absent_upper
+      has_bound = self%has_lower(j) .or. self%has_upper(j)
    end function has_bound
+
+   pure logical function has_lower(self, j)
+      class(prior_type), intent(in) :: self
+      integer, intent(in) :: j
+
+      has_lower = self%lower(j) > absent_lower
+   end function has_lower
+
+   pure logical function has_upper(self, j)
+      class(prior_type), intent(in) :: self
+      integer, intent(in) :: j
+
+      has_upper = self%upper(j) < absent_upper
+   end function has_upper
 
    !> Whether stated bounds or a cap limit the support.
    pure logical function is_cut(self)

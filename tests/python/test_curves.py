@@ -58,6 +58,24 @@ def test_a_zero_of_the_load_above_the_first_share_is_found(zero_mn):
     assert abs(test["effective_modulus_gpa"] - 100.0) < 3 * test["sd_gpa"] < 10.0
 
 
+@pytest.mark.parametrize("share", [0.01, 0.03, 0.1])
+def test_a_preload_is_no_zero_of_the_load(share):
+    """A curve of many points that begins in contact, with a hold at its first load."""
+    rng = np.random.default_rng(4)
+    rows = [
+        (name, time, depth + 0.3 * rng.normal(), load)
+        for name, time, depth, load in one_curve("a", 100.0, n=4000)
+        if load > share * 40.0
+    ]
+    hold = [("a", rows[0][1] - 2 + t, *rows[0][2:]) for t in np.arange(0, 2, 0.1)]
+    with issues("no_reference"):
+        found = bi.curves(
+            table(hold + rows), {"test": ["a"], "grain": ["g"]}, radius_um=5.0, **KNOWN
+        )
+    test = found.document["tests"][0]
+    assert abs(test["effective_modulus_gpa"] - 100.0) < max(4 * test["sd_gpa"], 1.0)
+
+
 def test_stiffness_is_a_second_equation():
     # The zero of the depth is lost, the stiffness is not.
     rows = one_curve("a", 100.0, np.random.default_rng(1), noise=20.0)

@@ -69,6 +69,16 @@ def test_errors_and_sizes_come_with_the_orientations(tmp_path):
     assert found.astype(float).to_numpy().tolist() == expected
 
 
+@pytest.mark.parametrize(
+    "header", ["x (pixels)", "E (MPa)", "Error (px)", "M (Taylor)", "Time (min)"]
+)
+def test_other_columns_of_a_list_of_orientations_are_not_read(tmp_path, header):
+    lines = orientations_of(NAMES).splitlines()
+    orientations = "".join(f"{line}\t{more}\n" for line, more in zip(lines, [header] + 12 * ["3"]))
+    points = problem(tmp_path, moduli_of(NAMES), orientations).measurements
+    assert np.allclose(points.euler_deg, [*ANGLES.values()])
+
+
 def test_what_has_no_partner_is_named(tmp_path):
     found = problem(
         tmp_path, moduli_of([*NAMES[:5], "X7"]), orientations_of(NAMES[:4] + NAMES[8:9])

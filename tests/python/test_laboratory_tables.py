@@ -558,9 +558,11 @@ def test_a_column_that_numbers_the_rows_is_no_number_of_tests(tmp_path):
     ) and "column N: numbers the rows" in notes(points.problem.warnings[:1])
 
 
-def test_shares_with_their_sign_below_a_header_of_shares(tmp_path):
+@pytest.mark.parametrize("header", ["CV (%)", "sd (%)", "Er sd (%)"])
+@pytest.mark.parametrize("cell", ["2 %", "2%", "2"])
+def test_shares_with_their_sign_below_a_header_of_shares(tmp_path, header, cell):
     path = tmp_path / "a.csv"
-    path.write_text(text([(*row[:5], "2 %") for row in ROWS], [*NAMES[:5], "CV (%)"]))
+    path.write_text(text([(*row[:5], cell) for row in ROWS], [*NAMES[:5], header]))
     found = read_measurements(path, "cubic")
     assert found.sd_gpa == pytest.approx([0.02 * row[4] for row in ROWS])
 
@@ -575,6 +577,32 @@ def test_units_of_sizes(tmp_path, header, cell, expected):
     table = read_measurements(path, "cubic").problem.table
     j = table.column("contact_radius_um", "grain_radius_um")
     assert [float(value) for value in table.cells[j]] == [expected] * len(ROWS)
+
+
+@pytest.mark.parametrize(
+    "units", [",Deg.,Deg.,Deg.,GPa,GPa", ",deg,deg,deg,GPa,± GPa", ",deg,deg,deg,GPa,1 sigma"]
+)
+def test_other_words_in_a_row_of_units_are_no_units(tmp_path, units):
+    path = tmp_path / "a.csv"
+    path.write_text("\n".join([PLAIN[0], units, *PLAIN[1:]]))
+    assert read_measurements(path, "cubic").modulus_gpa.tolist() == [row[4] for row in ROWS]
+
+
+def test_marks_count_where_numbers_are_read(tmp_path):
+    """Not in names, in columns that are not read, and above the header."""
+    path = tmp_path / "a.csv"
+    rows = [(f"1,{k}01", *row[1:], "12,345") for k, row in enumerate(ROWS)]
+    table = text(rows, [*NAMES, "Stiffness (N/m)"], mark="\t")
+    path.write_text("Software\t1.234\tFirmware\t2,345\n" + table)
+    assert read_measurements(path, "cubic").modulus_gpa.tolist() == [row[4] for row in ROWS]
+
+
+@pytest.mark.parametrize("header", ["Contact radius", "Grain radius (px)"])
+def test_sizes_without_a_unit_are_not_read(tmp_path, header):
+    path = tmp_path / "a.csv"
+    path.write_text(text([(*row, 250) for row in ROWS], [*NAMES, header]))
+    table = read_measurements(path, "cubic").problem.table
+    assert table.column("contact_radius_um", "grain_radius_um") < 0
 
 
 @pytest.mark.parametrize("header", ["X (px)", "Time (min)"])
@@ -650,11 +678,19 @@ REFUSED = {
     ),
     "thousands with a comma": (
         text([(*row, "1,234") for row in ROWS], [*NAMES, "Depth (nm)"], mark="\t"),
-        "line 2: 1,234 can be read in two ways, since other numbers have points",
+        "line 2, column Depth (nm): 1,234 can be read in two ways, since most numbers have points",
     ),
     "thousands with a point": (
         text(mark=";").replace(".", ",").replace("210,5", "1.210"),
-        "line 2: 1.210 can be read in two ways, since other numbers have commas",
+        "line 2, column Er (GPa): 1.210 can be read in two ways, since most numbers have commas",
+    ),
+    "a length for a modulus": (
+        changed(4, lambda value: f"{value} um"),
+        "the unit um, where the column has gpa",
+    ),
+    "a share with an sd of its own": (
+        text([(*row[:5], "2 ± 1") for row in ROWS], [*NAMES[:5], "CV (%)"]),
+        "the column sd_gpa is missing",
     ),
     "the sd of a load": (
         text(

@@ -287,6 +287,14 @@ def test_bounds_of_one_constant_truncate_the_default_prior():
     )
 
 
+def test_one_end_of_a_constant():
+    table, _ = measured("copper")
+    document = diagnosed(table, "cubic", bounds={"C12": (100.0, None), "C44": (None, 90.0)})
+    assert "bounds in GPa: C12 above 100.0, C44 up to 90.0" in document["prior"]["density"]
+    with pytest.raises(bi.InputError, match="C12 has equal bounds"):
+        diagnosed(table, "cubic", bounds={"C12": (-500.0, -500.0)})
+
+
 def test_bounds_of_another_unit_end_in_bounded_time():
     """C44 of copper within 500 .. 600: only extremely anisotropic crystals are left."""
     table, _ = measured("copper")

@@ -61,11 +61,19 @@ def test_what_sheets_have_beside_numbers(tmp_path):
     assert points.problem.table.cells[0].tolist() == ["a b", "b"]
 
 
-def test_cells_that_are_shown_in_per_cent(tmp_path):
-    path = book(tmp_path / "a.xlsx", [[*HEADER[:5], "CV (%)"], *([*row[:5], 0.02] for row in ROWS)])
+FORMATS = [("0.0%", 0.02), ('0.0"%"', 2.0), (r"0.0\ \%", 2.0), ("0.0", 2.0)]
+
+
+@pytest.mark.parametrize(
+    ("header", "form", "value"),
+    [(header, *form) for header in ("CV (%)", "sd (%)") for form in FORMATS]
+    + [("StDev (GPa)", "0.0%", 0.02)],
+)
+def test_cells_that_are_shown_in_per_cent(tmp_path, header, form, value):
+    path = book(tmp_path / "a.xlsx", [[*HEADER[:5], header], *([*row[:5], value] for row in ROWS)])
     file = openpyxl.load_workbook(path)
     for row in file.active.iter_rows(min_row=2, min_col=6):
-        row[0].number_format = "0.0%"
+        row[0].number_format = form
     file.save(path)
     assert read_measurements(path, "cubic").sd_gpa == pytest.approx([0.02 * 210.1, 0.02 * 220.5])
 

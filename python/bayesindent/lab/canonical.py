@@ -16,15 +16,13 @@ from .cells import is_missing, is_number, missing, value_of
 from .cleaning import clean, leave_out_incomplete, unit_of
 from .columns import (
     ANGLES,
-    DEGREES,
     DIRECTIONS,
     HARDNESS,
     KINDS,
+    LENGTHS,
     MODULI,
     NAME_COLUMNS,
-    RADIANS,
     SHARED,
-    UNIT_WORDS,
     WAYS,
     abridged,
     hint_of,
@@ -158,7 +156,7 @@ def resolve(table: LaboratoryTable, given: Mapping[str, str], kind: str | None) 
     if is_stated or split_deviation(names[sd])[1] or sd - 1 == modulus:
         return
     unit, is_other = unit_of(table, sd - 1), kinds[sd - 1] in MODULI and not meanings[sd - 1]
-    if unit in UNIT_WORDS and unit not in DEGREES + RADIANS:
+    if unit in {*LENGTHS, "mn", "un"} and kinds[sd - 1] not in ("x_um", "y_um"):
         is_other |= unit_of(table, sd) in ("", unit)
     if HARDNESS.fullmatch(names[sd - 1]) or is_other:
         raise InputError(

@@ -13,8 +13,6 @@ from unicodedata import normalize
 import numpy as np
 import pandas as pd
 
-from ..core import InputError
-
 #: Cells that mean that there is no value: words, errors of spreadsheets, and the largest double,
 #: which some instruments write.
 MISSING_TEXTS = (
@@ -107,8 +105,9 @@ def tabbed(text: str) -> str:
     return "\n".join(re.sub(gap, "\t", line) for line in lines)
 
 
-def rows_of(text: str) -> tuple[list[tuple[int, list[str]]], set[int]]:
-    """The rows of a table as pairs of line number and cells, and the blank lines.
+def rows_of(text: str) -> tuple[list[tuple[int, list[str]]], set[int], dict[tuple[int, int], str]]:
+    """The rows of a table as pairs of line number and cells, the blank lines, and the numbers that
+    can be read in two ways.
 
     The delimiter is the one of tab, semicolon, bar and comma that splits most of the first 1000
     lines into the same number of cells.
@@ -132,27 +131,28 @@ def rows_of(text: str) -> tuple[list[tuple[int, list[str]]], set[int]]:
             rows.append((last_line + 1, cells))
         last_line = reader.line_num
     may_be_decimal = delimiter != ","
-    if may_be_decimal and "," in text and "." in text:
-        refuse_two_marks(rows)
+    may_have_two = may_be_decimal and "," in text and "." in text
+    doubtful = marked_in_two_ways(rows) if may_have_two else {}
     for i, (line, cells) in enumerate(rows):
         # Most rows of long tables need nothing.
         if re.search(r"[\s,]", "".join(cells)):
             rows[i] = (line, list(map(tidy, cells, repeat(may_be_decimal))))
-    return rows, blank
+    return rows, blank, doubtful
 
 
-def refuse_two_marks(rows: list[tuple[int, list[str]]]) -> None:
-    """Refuse a number that may be of thousands, since its mark is not that of most numbers. Lines
-    with a single number are titles.
+def marked_in_two_ways(rows: list[tuple[int, list[str]]]) -> dict[tuple[int, int], str]:
+    """The numbers that may be of thousands, since their mark is not that of most numbers, by line
+    and place in it.
     """
-    found = []
-    for line, cells in rows:
-        marked = [(line, match) for cell in cells if (match := MARKED.fullmatch(cell.strip()))]
-        found += marked if len(marked) > 1 else []
-    usual_mark = Counter(match[1] for _, match in found).most_common(1)
-    for line, match in found:
-        if THOUSANDS.fullmatch(match[0]) and match[1] != usual_mark[0][0]:
-            raise InputError(
-                f"line {line}: {match[0]} can be read in two ways, since other numbers have "
-                f"{'commas' if match[1] == '.' else 'points'}; leave the marks of thousands out"
-            )
+    found = {
+        (line, j): match
+        for line, cells in rows
+        for j, cell in enumerate(cells)
+        if (match := MARKED.fullmatch(cell.strip()))
+    }
+    usual_mark = Counter(match[1] for match in found.values()).most_common(1)
+    return {
+        place: match[0]
+        for place, match in found.items()
+        if match[1] != usual_mark[0][0] and THOUSANDS.fullmatch(match[0])
+    }

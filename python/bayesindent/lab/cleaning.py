@@ -9,6 +9,7 @@ import pandas as pd
 from ..core import InputError
 from .cells import (
     CELL,
+    NUMBER,
     is_missing,
     is_number,
     is_plain_number,
@@ -201,6 +202,10 @@ def split_sds(table: LaboratoryTable) -> None:
     modulus, sd = table.column(*MODULI), table.column("sd_gpa")
     moduli = table.cells[modulus].map(number_of) if modulus >= 0 else float("nan")
 
+    def are_shares(j: int) -> bool:
+        """Whether the header of a column, or the row of units, says so."""
+        return bool(SHARE.search(table.names[j]) or table.units[j] == "%")
+
     def in_gpa(percents: pd.Series) -> pd.Series:
         return (percents.map(number_of, "ignore") / 100 * moduli).map(repr, "ignore")
 
@@ -213,6 +218,7 @@ def split_sds(table: LaboratoryTable) -> None:
             table.note(f"column {table.names[j]}: what follows ± is its sd")
         else:
             shares = in_gpa(numbers) if j == sd and modulus >= 0 else float("nan")
+            shares = numbers if j == sd and are_shares(j) else shares
             numbers = numbers.mask(is_share, shares).mask(own_sd.notna())
         table.cells[j] = numbers.fillna(table.cells[j])
     sd = table.column("sd_gpa")
@@ -223,10 +229,10 @@ def split_sds(table: LaboratoryTable) -> None:
             if RELATIVE.fullmatch(name) and SHARE.search(name)
         )
         sd = next(relative, -1)
-    if sd < 0 or modulus < 0 or not (SHARE.search(table.names[sd]) or table.units[sd] == "%"):
+    if sd < 0 or modulus < 0 or not are_shares(sd):
         return
     cells = table.cells[sd].mask(missing(table.cells[sd]))
-    if all(map(is_number, cells.dropna())):
+    if cells.dropna().str.fullmatch(rf"{NUMBER}\s*%?").all():
         table.cells[sd] = in_gpa(cells).fillna("")
         table.note(f"column {table.names[sd]}: per cent of the modulus")
         table.meanings[sd] = "sd_gpa"
@@ -238,7 +244,7 @@ def refuse_other_units(table: LaboratoryTable, j: int, units: pd.Series) -> None
     usual = split_name(meaning)[1] or "".join(BY_NAME[meaning].units if meaning in BY_NAME else "")
     unit = stated if stated in UNIT_WORDS else usual
     for line, other in units.str.lower().items():
-        same_length = LENGTHS.get(other, 0) == LENGTHS.get(unit, 1)
+        same_length = other in LENGTHS and LENGTHS[other] == LENGTHS.get(unit)
         if not (other == unit or same_length or {other, unit} <= {*DEGREES}):
             raise InputError(
                 f"line {line}, column {table.names[j]}: the unit {other}, where the column has "
@@ -290,7 +296,17 @@ def indices_of(cell: str) -> list[str]:
 
 
 def refuse_words(table: LaboratoryTable) -> None:
-    """Refuse cells that are not numbers where numbers are needed; one message names them all."""
+    """Refuse cells that are not numbers where numbers are needed; one message names them all. A
+    number that can be read in two ways is none.
+    """
+    for (line, j), cell in table.doubtful.items():
+        meaning = [*table.meanings, *[""] * (j + 1)][j]
+        if line in table.cells.index and meaning and meaning not in NAME_COLUMNS:
+            raise InputError(
+                f"line {line}, column {table.names[j]}: {cell} can be read in two ways, since most "
+                f"numbers have {'points' if ',' in cell else 'commas'}; leave out the marks of "
+                "thousands"
+            )
     found = sorted(
         (line, j, cell)
         for j in dressed_columns(table)

@@ -88,6 +88,8 @@ HARDNESS = re.compile(r"(h|h_?it|.*hardness)\s*([\[(/].*)?", re.I)
 PLANE_STRAIN = re.compile(r"e_?it ?/ ?\(1 ?- ?[vν]_?s?_?\^?2_?s?\)")
 DEPTHS = re.compile(r"\[\d+ ?- ?\d+ ?nm\]")
 METHOD = re.compile(r" ?\(o ?& ?p\)")
+#: Names that are read with a unit alone.
+NEED_UNIT = ("depth", "contact_radius", "grain_radius")
 #: Names of columns that a message lists at most.
 MOST_NAMES = 30
 #: Shorter headers are near to every name.
@@ -138,7 +140,7 @@ def meaning_of(header: str) -> str:
     for column in COLUMNS:
         named = split_deviation(header)[0] if column.name == "sd_gpa" else word
         if lowered == column.name.lower() or (
-            named in column.others.split() and (word != "depth" or unit in column.units)
+            named in column.others.split() and (word not in NEED_UNIT or unit in column.units)
         ):
             return column.name
     return ""

@@ -12,8 +12,12 @@ from .columns import HARDNESS, meaning_of
 from .reading import Rows, header_row
 from .table import LaboratoryTable
 
-#: A cell of a row of units, such as "[GPa]".
-UNIT = re.compile(r"[\[(]?(deg|degrees?|°|rad|radians|[GMk]?Pa|um|µm|μm|nm|mm|m?N|%|-)[\])]?", re.I)
+#: A cell of a row of units, such as "[GPa]", of those that are read and of others.
+UNIT = re.compile(
+    r"[\[(]?(deg|degrees?|°|rad|radians|[GMk]?Pa|um|µm|μm|nm|mm|m?N|%|-"
+    r"|[kM]?(bar|psi)|px|pixels?|Å|min|h)[\])]?",
+    re.I,
+)
 
 
 def table_of_rows(found: Rows, stated: Iterable[str]) -> LaboratoryTable:
@@ -42,7 +46,10 @@ def table_of_rows(found: Rows, stated: Iterable[str]) -> LaboratoryTable:
     under = below[0][1] if below else []
     # Several cells are units, and none is a number.
     if sum(map(bool, map(UNIT.fullmatch, under))) > 1 and not any(map(is_number, under)):
-        units = [cell.strip("[]()- ").lower() for cell in [*under, *units][:width]]
+        units = [
+            cell.strip("[]()- ").lower() if UNIT.fullmatch(cell) else ""
+            for cell in [*under, *units][:width]
+        ]
         below = below[1:]
     check_widths(below, names, line)
     cells = [[*row, *[""] * width][:width] for _, row in below]
@@ -55,6 +62,7 @@ def table_of_rows(found: Rows, stated: Iterable[str]) -> LaboratoryTable:
         found.sheet,
         found.blank,
         notes=notes,
+        doubtful=found.doubtful,
     )
     if not found.sheet:
         table.short = {number: len(row) for number, row in below if len(row) < width}

@@ -11,6 +11,9 @@ from .header import table_of_rows
 from .reading import rows_of_file
 from .table import LaboratoryTable
 
+#: What a list of orientations may have beside the angles and the names.
+BESIDE = ("orientation_sd_deg", "grain_radius_um")
+
 
 def orientations_of_file(path: Path, radians: bool) -> LaboratoryTable:
     """The table of a list of orientations."""
@@ -18,6 +21,8 @@ def orientations_of_file(path: Path, radians: bool) -> LaboratoryTable:
     if found is None or not found.rows:
         raise InputError("is no table of orientations")
     table = table_of_rows(found, [])
+    kept = {"grain", *BESIDE, *table.oriented()}
+    table.meanings = [meaning if meaning in kept else "" for meaning in table.meanings]
     clean(table, radians)
     if not any(set(way) <= set(table.meanings) for way in (ANGLES, *WAYS)):
         raise InputError(
@@ -35,8 +40,7 @@ def add_orientations_of_file(table: LaboratoryTable, path: Path, by: str, radian
     table.refuse_orientations()
     other = orientations_of_file(path, radians)
     names = other.oriented()
-    beside = ("orientation_sd_deg", "grain_radius_um")
-    names += [name for name in beside if name in {*other.meanings} - {*table.meanings}]
+    names += [name for name in BESIDE if name in {*other.meanings} - {*table.meanings}]
     if twice := {name for name in names if names.count(name) > 1}:
         raise InputError(f"{min(twice)} has several columns; one of them is allowed")
     cells = other.cells[[other.column(name) for name in names]]

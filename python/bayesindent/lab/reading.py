@@ -31,7 +31,8 @@ FIRST_ROWS = 60
 @dataclass
 class Rows:
     """Rows of texts with the numbers of their lines, the lines that are blank, the name of a sheet,
-    the text of the file, notes on how it was read, and Poisson's ratios in other sheets.
+    the text of the file, notes on how it was read, Poisson's ratios in other sheets, and numbers
+    that can be read in two ways by line and place.
     """
 
     rows: list[tuple[int, list[str]]]
@@ -40,6 +41,7 @@ class Rows:
     text: str = ""
     notes: tuple[str, ...] = ()
     ratios: list[str] = field(default_factory=list)
+    doubtful: dict[tuple[int, int], str] = field(default_factory=dict)
 
 
 def rows_of_file(path: Path, sheet: str, stated: Iterable[str]) -> Rows | None:
@@ -68,14 +70,15 @@ def rows_of_file(path: Path, sheet: str, stated: Iterable[str]) -> Rows | None:
         # A stated header is looked for as it is written.
         own = tabbed(usual(text) if all(usual(header) == header for header in stated) else text)
         refuse_open_quote(own)
-        rows, blank = rows_of(own)
+        rows, blank, doubtful = rows_of(own)
         if header_row(rows, stated)[1] < 2:
             own = tabbed(re.sub("(?m)^#+[ \t]*", "", own))
-            rows, blank = rows_of(own)
+            rows, blank, doubtful = rows_of(own)
         first = rows[0][1] if rows else []
         if header_row(rows, stated)[1] < 2 and sum(map(is_number, first)) >= len(first) / 2:
             return None
-    return Rows(rows, blank, text=text, notes=(f"read as {encoding}",) if encoding else ())
+    notes = (f"read as {encoding}",) if encoding else ()
+    return Rows(rows, blank, text=text, notes=notes, doubtful=doubtful)
 
 
 def text_with_commas(path: Path) -> str | None:
@@ -168,8 +171,11 @@ def filled_rows(sheet: Any) -> list[tuple[int, list[str]]]:
 
 
 def shown_value(cell: Any) -> object:
-    """The value of a cell of a spreadsheet; one that is shown in per cent with its sign."""
-    if isinstance(cell.value, float) and "%" in cell.number_format:
+    """The value of a cell of a spreadsheet; one that is shown in per cent with its sign. A sign in
+    quotes or after a backslash scales nothing.
+    """
+    is_number = isinstance(cell.value, float)
+    if is_number and "%" in re.sub(r'"[^"]*"|[\\_].', "", cell.number_format):
         return f"{100 * cell.value:.12g} %"
     return cell.value
 

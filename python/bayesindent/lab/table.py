@@ -17,7 +17,8 @@ class LaboratoryTable:
     are the headers, `meanings` the canonical names ('' for none), and `units` the words of a row of
     units ('' for none). `blank` are lines that separate blocks of rows, and `short` has the number
     of cells of the lines that have too few. `stated` are the headers that the user names. `notes`
-    describe what was changed, and `left_out` gives a reason for each line left out.
+    describe what was changed, and `left_out` gives a reason for each line left out. `doubtful` are
+    numbers, by line and column, that can be read in two ways.
     """
 
     names: list[str]
@@ -31,6 +32,7 @@ class LaboratoryTable:
     stated: set[str] = field(default_factory=set)
     notes: list[str] = field(default_factory=list)
     left_out: dict[int, str] = field(default_factory=dict)
+    doubtful: dict[tuple[int, int], str] = field(default_factory=dict)
 
     def note(self, words: str) -> None:
         """Describe a change."""

@@ -147,4 +147,4 @@ def show_table(title: str, header: Iterable[str], rows: Iterable[Iterable]) -> N
 
 def as_text(value: object) -> str:
     """The text of a cell: real numbers have two decimals."""
-    return f"{value:.2f}" if isinstance(value, float) else str(value)
+    return "" if value is None else f"{value:.2f}" if isinstance(value, float) else str(value)
