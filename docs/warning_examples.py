@@ -146,6 +146,11 @@ EXAMPLES: dict[str, tuple[str, str, tuple[float, ...]]] = {
     "knowledge_together": ("Several stated values are in another unit.", "", (22, 10)),
     "knowledge_contradicts": ("The bulk modulus is that of another alloy.", "bulk_modulus", (4.2,)),
     "knowledge_conflict": ("Two stated values contradict each other.", "", (3.6, 15.7, 2)),
+    "knowledge_sharp": (
+        "A bulk modulus is stated to 0.01 %.",
+        "bulk_modulus = 137.0 ± 0.14 GPa",
+        (),
+    ),
     "not_mixed": ("Twenty samples were asked for.", "C12", (1.2314, 1.05)),
     "poorly_mixed": ("A long ridge was sampled with few sweeps.", "C12", (1.0132, 1.01)),
     "too_few_draws": ("Fifty samples were asked for.", "C12", (62, 100)),

@@ -216,6 +216,8 @@ contains
       usable = is_usable(found%warnings)
       associate (knowledge => found%posterior%prior%knowledge, &
          & conflict => found%conflict%of_quantity)
+         j = findloc(knowledge%is_sharp, .true., dim=1)
+         if (j > 0) call found%warn('knowledge_sharp', known_text(knowledge, j))
          do j = 1, size(conflict)
             if (any(abs(knowledge%covariance(:, j)) > 0.0_wp .and. conflict > conflict(j))) cycle
             if (usable .and. conflict(j) > greatest_conflict) then

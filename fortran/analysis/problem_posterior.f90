@@ -115,12 +115,15 @@ contains
             call check_distinct(knowledge%quantities(:listed), class, error)
          end if
          call problem%locate('knowledge', 'quantity', error)
-         if (all == listed .or. allocated(error)) return
+         if (allocated(error)) return
          do i = listed + 1, all
             call new_quantity(class%constants(i - listed), knowledge%quantities(i), error)
          end do
-         knowledge%mean(listed + 1:) = problem%data%stiffness%mean
-         knowledge%covariance(listed + 1:, listed + 1:) = problem%data%stiffness%covariance
+         if (all > listed) then
+            knowledge%mean(listed + 1:) = problem%data%stiffness%mean
+            knowledge%covariance(listed + 1:, listed + 1:) = problem%data%stiffness%covariance
+         end if
+         call knowledge%widen()
       end associate
    end subroutine read_knowledge
 

@@ -48,7 +48,8 @@ contains
          last = findloc(load >= last_share*peak, .true., 1)
          ! The first loads are about the zero if the depth grows without them: in an approach.
          n = min(last, fewest_for_zero)
-         zero = median(n, load(:n))
+         loads_before = load(:n)
+         zero = median(n, loads_before)
          first = contact_at(zero)
          associate (depth => points(2, :))
             if (maxval(abs(load(:first - 1) - zero)) > 2.0_wp*first_share*peak .or. &

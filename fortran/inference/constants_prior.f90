@@ -44,8 +44,10 @@ module constants_prior
    type :: knowledge_type
       type(quantity_type), allocatable :: quantities(:)
       real(wp), allocatable :: mean(:), covariance(:, :)
+      !> Whether an sd was below the least one, (n).
+      logical, allocatable :: is_sharp(:)
    contains
-      procedure :: sd => sd_of_knowledge
+      procedure :: sd => sd_of_knowledge, widen
    end type knowledge_type
 
    type :: prior_type
@@ -227,6 +229,19 @@ contains
       end function residuals
    end subroutine check_knowledge
 
+   !> Make sds that are very small relative to the values larger: draws would miss the tails of a
+   !> density that is so thin.
+   pure subroutine widen(self)
+      class(knowledge_type), intent(inout) :: self
+      real(wp), parameter :: least_sd = 1.0e-3_wp, rounding = 1.0e-9_wp
+      integer :: i
+
+      self%is_sharp = self%sd() < (least_sd - rounding)*abs(self%mean)
+      do i = 1, size(self%mean)
+         if (self%is_sharp(i)) self%covariance(i, i) = (least_sd*self%mean(i))**2
+      end do
+   end subroutine widen
+
    !> Standard deviations of the quantities, (n).
    pure function sd_of_knowledge(self) result(sd)
       class(knowledge_type), intent(in) :: self
@@ -290,6 +305,7 @@ contains
       has_bound = self%has_lower(j) .or. self%has_upper(j)
    end function has_bound
 
+   !> Whether the lower bound of the constant j is stated.
    pure logical function has_lower(self, j)
       class(prior_type), intent(in) :: self
       integer, intent(in) :: j
@@ -297,6 +313,7 @@ contains
       has_lower = self%lower(j) > absent_lower
    end function has_lower
 
+   !> Whether the upper bound of the constant j is stated.
    pure logical function has_upper(self, j)
       class(prior_type), intent(in) :: self
       integer, intent(in) :: j

@@ -116,7 +116,7 @@ contains
       rival%settings%likelihood = 'normal'
       allocate (rival%errors, source=phase_errors_type(share=phase_share, &
          & width=phase_width, ratio=ratios(k), &
-         & measured=case%stated%data%modulus/case%stated%data%sd))
+         & measured=case%stated%data%modulus/case%scales))
       rival%differs = .not. (case%stated%n_shared > 0 .or. case%stated%infers_scale)
    end subroutine make_phases
 

@@ -26,6 +26,8 @@ module rival_cases
       integer, allocatable :: points(:)
       !> Moduli that it predicts at its maximum, GPa, (row).
       real(wp), allocatable :: moduli(:, :)
+      !> Standard deviations of the moduli there, from all sources, GPa, (point).
+      real(wp), allocatable :: scales(:)
       !> The crystal at its maximum, GPa.
       real(wp) :: crystal(6, 6) = 0.0_wp
    end type case_type

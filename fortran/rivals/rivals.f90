@@ -114,8 +114,12 @@ contains
       type(error_type), allocatable, intent(out) :: error
       type(case_type) :: case
       type(row_type), allocatable :: rows(:)
-      !> Residuals less the shared errors, in sds.
-      real(wp) :: residuals(posterior%n_grains), log_likelihood
+      !> Residuals less the shared errors, in sds, and these, GPa.
+      real(wp), dimension(posterior%n_grains) :: residuals, scales
+      !> Logarithm of the greatest density of the measurements, and by how much for each parameter
+      !> their evidence may be below it.
+      real(wp) :: greatest
+      real(wp), parameter :: most_below = 15.0_wp
       integer :: i
 
       allocate (diagnosis%rivals(0))
@@ -127,6 +131,7 @@ contains
       if (allocated(error)) return
       case%crystal = posterior%stiffness(best)
       case%moduli = case%stated%moduli_at(reshape(best, [size(best), 1]))
+      case%scales = scales(case%points)/posterior%errors%scale
       if (posterior%prior%is_cut()) then
          call find_cuts()
          if (allocated(error)) return
@@ -135,9 +140,14 @@ contains
          call fit_model(case%stated, case%crystal, .true., .false., fit)
          ! Of many constants the draws may be too few. Laplace's approximation remains.
          if (.not. fit%found) call fit_model(case%stated, case%crystal, .false., .false., fit)
-         ! In the corner of narrow limits the integral may not be found. It is below its maximum.
-         if (.not. fit%found) fit%log_z = log_likelihood
-         if (.not. (fit%found .or. size(case%points) == posterior%n_grains)) return
+         ! The integral may not be found in the corner of narrow limits, or elsewhere than where the
+         ! density is. It is below its maximum.
+         if (size(case%points) == posterior%n_grains) then
+            if (fit%log_z < greatest - most_below*case%stated%dimension) fit%found = .false.
+            if (.not. fit%found) fit%log_z = greatest
+         else if (.not. fit%found) then
+            return
+         end if
       end associate
       rows = all_rows()
       do i = 1, size(rows)
@@ -159,13 +169,14 @@ contains
       !> Set chi-square at the point of high density, with the errors that the moduli share.
       subroutine set_misfit()
          type(harmonics_type) :: harmonics
-         real(wp), dimension(posterior%n_grains) :: model, scales
+         real(wp) :: model(posterior%n_grains)
          real(wp), allocatable :: u(:, :), b(:), l(:, :)
 
          call posterior%predict_measurements(best, posterior%stiffness(best), model, scales, u)
          residuals = (posterior%data%modulus - model)/scales
-         call posterior%errors%integrate(residuals, u, b, l, log_likelihood)
-         log_likelihood = log_likelihood - sum(log(scales))
+         call posterior%errors%integrate(residuals, u, b, l, greatest)
+         greatest = greatest - sum(log(scales)) &
+            & - 0.5_wp*sum(posterior%prior%deviations(posterior%stiffness(best))**2)
          residuals = residuals - matmul(u, b)
          ! Indentation determines as many combinations of constants as there are harmonics.
          call new_harmonics(posterior%prior%class%generators, 4, harmonics, error)

@@ -40,10 +40,12 @@ def test_an_exact_curve_gives_its_modulus(beta):
     assert found.document["tests"][0]["zero_nm"] == pytest.approx(17.0, abs=0.2)
 
 
-@pytest.mark.parametrize("zero_mn", [-0.02, 0.02])
-def test_a_zero_of_the_load_above_the_first_share_is_found(zero_mn):
-    """An approach of 60 nm at a load that is not zero, and a curve with a peak of 2 mN."""
-    contact = one_curve("a", 100.0, peak=2.0)
+@pytest.mark.parametrize(
+    ("zero_mn", "peak"), [(-0.02, 2.0), (0.02, 2.0), (-0.5, 40.0), (0.5, 40.0)]
+)
+def test_a_zero_of_the_load_above_the_first_share_is_found(zero_mn, peak):
+    """An approach of 60 nm at a load that is not zero."""
+    contact = one_curve("a", 100.0, peak=peak)
     rng = np.random.default_rng(3)
     (start, depth) = contact[0][1:3]
     approach = [("a", start + t, depth - 60 * (1 - t / 5), 0.0) for t in np.arange(0, 5, 0.1)]

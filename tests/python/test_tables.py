@@ -167,6 +167,16 @@ REFUSED = {
         {},
         "'1.210,5' is not a number",
     ),
+    "`1,234` where most numbers have points": (
+        page("\t").replace("210.5", "1,234"),
+        {},
+        "1,234 can be read in two ways",
+    ),
+    "`kbar` below Er": (
+        page().replace("\n", "\n,deg,deg,kbar,kbar\n", 1),
+        {},
+        "the unit kbar is not read",
+    ),
     "no header": (
         page().split("\n", 1)[1],
         {},
