@@ -164,8 +164,8 @@ contains
 
          has_estimate = [(allocated(each(i)%estimate), i=1, n)]
          if (all(has_estimate) .or. effort == sampler%efforts) has_estimate = .false.
-         call begin_progress('sampling', count(.not. has_estimate, kind=i8) &
-            & *(sampler%burn_in + length))
+         i = count(.not. has_estimate)
+         call begin_progress('sampling', int(i, i8)*(sampler%burn_in + length))
          !$omp parallel do num_threads(max(1, settings%threads)) schedule(dynamic, 1) &
          !$omp & private(stream)
          do i = 1, n
