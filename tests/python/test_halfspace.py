@@ -106,6 +106,10 @@ def test_chains_of_every_class(name):
     assert np.ptp(result.log_prior["constants"].values.ravel() - prior) < 1e-6
 
 
+#: Effective samples; four seeds have 1,946 to 4,712 (the least differs between processors).
+LEAST_SIZE = 1500
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["CaMoO4", "dolomite", "aragonite"])
 def test_few_grains_of_seven_and_more_constants_are_usable_by_default(name):
@@ -120,10 +124,11 @@ def test_few_grains_of_seven_and_more_constants_are_usable_by_default(name):
         assert summary["usable"]
         values = list(summary["parameters"].values())
         assert max(value["r_hat"] for value in values) < 1.01
-        assert min(value["ess_bulk"] for value in values) > 2000
+        assert min(value["ess_bulk"] for value in values) > LEAST_SIZE
         means.append(np.array([value["mean"] for value in values]))
         sds.append(np.array([value["sd"] for value in values]))
-    # The error of a mean of 2,000 draws is 0.022 sd.
+    # Four errors of the difference of two means of so many draws.
+    assert 4 * np.sqrt(2 / LEAST_SIZE) < 0.15
     assert (np.abs(means[0] - means[1]) < 0.15 * sds[0]).all()
     assert (np.abs(means[0] - constants) < 4 * sds[0]).all()
 
