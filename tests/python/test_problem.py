@@ -270,6 +270,12 @@ def value_of(variable, symmetry, draw):
     )
 
 
+#: Variables of one geometry alone, which is not drawn.
+OF_GEOMETRY = [
+    v.name for v in schema() if v.group == "specimen" and v.meaning.startswith(("film:", "grain:"))
+]
+
+
 @st.composite
 def namelists(draw):
     """A valid file in one of its many spellings, and what it says."""
@@ -308,6 +314,7 @@ def namelists(draw):
             "degree",
             "bandlimit",
             "geometry",
+            *OF_GEOMETRY,
             "shape",
             "contact_radius_um",
             "depth_um",
