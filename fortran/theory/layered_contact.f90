@@ -109,7 +109,7 @@ contains
       !> ln s, alpha, beta of contacts with 1, 2, .. terms at the depth before.
       real(wp) :: shapes(3, most_terms), errors(3, 3), last_step
       integer :: i, n, known, directions, waves, misses
-      logical :: found, accepted
+      logical :: found, accepted, is_thin
       character(len=:), allocatable :: reason
 
       ! The force is corrected for the last step.
@@ -132,8 +132,9 @@ contains
          accepted = .false.
          do
             ! Contacts on films stiffer than the base are narrower than on a half-space.
-            if (max(0.5_wp*radii(i), min(radii(i), contacts(i)%radius)) > thinnest &
-               & *sum(layers%thickness)) then
+            is_thin = max(0.5_wp*radii(i), min(radii(i), contacts(i)%radius)) &
+               & > thinnest*sum(layers%thickness)
+            if (is_thin) then
                reason = 'it is wider than '//to_text(thinnest, 3)//' thicknesses'
             else if (n > most_terms) then
                reason = 'its pressure is too uneven for '//to_text(most_terms)//' terms'
@@ -146,8 +147,9 @@ contains
             if (len(reason) > 0) then
                reason = 'the contact of radius '//to_text(radii(i), 3)//' um on layers ' &
                   & //to_text(sum(layers%thickness), 3)//' um thick is beyond the theory: '//reason
-               if (index(reason, 'wider') > 0) call refuse(error, reason, 'specimen')
-               if (.not. allocated(error)) call raise(error, reason)
+               ! The thickness and the indenter are stated; the crystal may be one of many.
+               if (is_thin) call refuse(error, reason, 'specimen')
+               if (.not. is_thin) call raise(error, reason)
                return
             end if
             if (accepted) exit
